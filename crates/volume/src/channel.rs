@@ -1,0 +1,210 @@
+//! The samples of one channel.
+
+/// What the samples of a channel stand for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ChannelKind {
+    /// A measured quantity: values between samples are interpolated.
+    Intensity,
+    /// A number that names a structure: it is never interpolated.
+    Label,
+}
+
+/// How a sample is stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum VoxelType {
+    /// Unsigned, 8 bits.
+    U8,
+    /// Signed, 16 bits.
+    I16,
+    /// Unsigned, 16 bits.
+    U16,
+    /// IEEE binary32.
+    F32,
+}
+
+impl VoxelType {
+    /// Bytes of one sample.
+    #[must_use]
+    pub fn bytes(self) -> usize {
+        match self {
+            Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::F32 => 4,
+        }
+    }
+
+    /// The name that files and people use.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::U8 => "uint8",
+            Self::I16 => "int16",
+            Self::U16 => "uint16",
+            Self::F32 => "float32",
+        }
+    }
+}
+
+/// Stored samples, x fastest, then y, then z.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Voxels {
+    /// Unsigned, 8 bits.
+    U8(Vec<u8>),
+    /// Signed, 16 bits.
+    I16(Vec<i16>),
+    /// Unsigned, 16 bits.
+    U16(Vec<u16>),
+    /// IEEE binary32.
+    F32(Vec<f32>),
+}
+
+impl Voxels {
+    /// Number of samples.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        match self {
+            Self::U8(v) => v.len(),
+            Self::I16(v) => v.len(),
+            Self::U16(v) => v.len(),
+            Self::F32(v) => v.len(),
+        }
+    }
+
+    /// Whether there is no sample.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// How they are stored.
+    #[must_use]
+    pub fn voxel_type(&self) -> VoxelType {
+        match self {
+            Self::U8(_) => VoxelType::U8,
+            Self::I16(_) => VoxelType::I16,
+            Self::U16(_) => VoxelType::U16,
+            Self::F32(_) => VoxelType::F32,
+        }
+    }
+
+    /// The stored number at a position in memory, before slope and intercept. Panics out of range, as a slice does.
+    #[must_use]
+    pub fn stored(&self, at: usize) -> f64 {
+        match self {
+            Self::U8(v) => f64::from(v[at]),
+            Self::I16(v) => f64::from(v[at]),
+            Self::U16(v) => f64::from(v[at]),
+            Self::F32(v) => f64::from(v[at]),
+        }
+    }
+
+    /// The samples as they lie in memory, native byte order.
+    #[must_use]
+    pub fn as_bytes(&self) -> &[u8] {
+        match self {
+            Self::U8(v) => v,
+            Self::I16(v) => bytemuck::cast_slice(v),
+            Self::U16(v) => bytemuck::cast_slice(v),
+            Self::F32(v) => bytemuck::cast_slice(v),
+        }
+    }
+}
+
+/// Samples on a grid and what they mean: `value = slope · stored + intercept`.
+#[derive(Clone, Debug)]
+pub struct Channel {
+    /// What people call it: `ct`, `pet`, `labels`.
+    pub name: String,
+    /// Measured or named.
+    pub kind: ChannelKind,
+    /// The stored samples.
+    pub voxels: Voxels,
+    /// Value a stored unit; finite, not 0.
+    pub slope: f64,
+    /// Value of a stored 0; finite.
+    pub intercept: f64,
+}
+
+/// Samples that were replaced because they are no numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct NonFiniteCount {
+    /// NaN, replaced by the lowest finite sample: shown as the emptiest thing there is.
+    pub nan: usize,
+    /// +∞, replaced by the highest finite sample.
+    pub positive_infinity: usize,
+    /// -∞, replaced by the lowest finite sample.
+    pub negative_infinity: usize,
+}
+
+impl NonFiniteCount {
+    /// All of them.
+    #[must_use]
+    pub fn total(&self) -> usize {
+        self.nan + self.positive_infinity + self.negative_infinity
+    }
+}
+
+impl Channel {
+    /// The value at a position in memory. Panics out of range, as a slice does.
+    #[must_use]
+    pub fn value(&self, at: usize) -> f64 {
+        self.slope * self.voxels.stored(at) + self.intercept
+    }
+
+    /// Replaces samples that are NaN or infinite, and counts them. A channel without any finite sample becomes 0.
+    pub fn replace_non_finite(&mut self) -> NonFiniteCount {
+        let mut count = NonFiniteCount::default();
+        let Voxels::F32(samples) = &mut self.voxels else { return count };
+        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+        for &s in samples.iter().filter(|s| s.is_finite()) {
+            low = low.min(s);
+            high = high.max(s);
+        }
+        if low > high {
+            (low, high) = (0.0, 0.0);
+        }
+        for s in samples.iter_mut().filter(|s| !s.is_finite()) {
+            if s.is_nan() {
+                count.nan += 1;
+                *s = low;
+            } else if *s > 0.0 {
+                count.positive_infinity += 1;
+                *s = high;
+            } else {
+                count.negative_infinity += 1;
+                *s = low;
+            }
+        }
+        count
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn floats(samples: &[f32]) -> Channel {
+        Channel {
+            name: "pet".into(),
+            kind: ChannelKind::Intensity,
+            voxels: Voxels::F32(samples.to_vec()),
+            slope: 1.0,
+            intercept: 0.0,
+        }
+    }
+
+    #[test]
+    fn replaces_and_counts_what_is_no_number() {
+        let mut c = floats(&[1.0, f32::NAN, -3.0, f32::INFINITY, f32::NEG_INFINITY, f32::NAN]);
+        let count = c.replace_non_finite();
+        assert_eq!(count, NonFiniteCount { nan: 2, positive_infinity: 1, negative_infinity: 1 });
+        assert_eq!(c.voxels, Voxels::F32(vec![1.0, -3.0, -3.0, 1.0, -3.0, -3.0]));
+    }
+
+    #[test]
+    fn nothing_but_nan_becomes_zero() {
+        let mut c = floats(&[f32::NAN; 3]);
+        assert_eq!(c.replace_non_finite().nan, 3);
+        assert_eq!(c.voxels, Voxels::F32(vec![0.0; 3]));
+    }
+}
