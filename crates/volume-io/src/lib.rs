@@ -1,0 +1,20 @@
+//! Loader: file to volume.
+//!
+//! [`load`] takes a file, recognises by its content what it is, and gives back a [`volume::Volume`] with a report of
+//! what was done to get there. Formats: NIfTI-1 and NIfTI-2 (`.nii`, `.nii.gz`), the HoloM3D slice atlas (`.png`), and
+//! raw voxels with a JSON header. [`describe`] says in numbers and for people what was loaded.
+//!
+//! What a header claims is never believed: dimensions are checked before anything is allocated, memory is taken as
+//! data arrive and stays within [`LoadOptions::max_bytes`], and an error names the file, the field, what was expected
+//! and what was found. Whatever a file says about a patient's identity is not read.
+//!
+//! This crate knows no GPU, no scene and no network.
+
+mod error;
+mod load;
+mod nifti;
+mod samples;
+mod source;
+
+pub use error::LoadError;
+pub use load::{Format, LoadOptions, LoadReport, Loaded, Progress, load, load_bytes, load_parts};

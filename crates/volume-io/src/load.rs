@@ -1,0 +1,256 @@
+//! The way in: recognise a file, load it, report.
+
+use crate::source::{Part, Source, read_full};
+use crate::{LoadError, nifti};
+use flate2::bufread::MultiGzDecoder;
+use std::fmt;
+use std::io::{Read, SeekFrom};
+use std::path::Path;
+use std::sync::Arc;
+use volume::{ChannelKind, NonFiniteCount, Volume};
+
+/// Bytes that decide what a file is: a NIfTI-2 header is the longest thing to look at.
+const LOOKED_AT: usize = 540;
+/// Bytes of voxels that are accepted unless the caller says otherwise: 16 GiB.
+const MAX_BYTES: u64 = 16 << 30;
+
+/// Called with the fraction (0 to 1) of the voxels that have been read.
+pub type Progress = Arc<dyn Fn(f32) + Send + Sync>;
+
+/// What the caller wants.
+#[derive(Clone)]
+pub struct LoadOptions {
+    /// Most bytes that the voxels may take in memory; a header that claims more is refused before anything is
+    /// allocated. 16 GiB by default.
+    pub max_bytes: u64,
+    /// What the samples of a one-channel file are, where the caller knows better than the file: few label maps say
+    /// that they are.
+    pub kind: Option<ChannelKind>,
+    /// Called now and then while voxels are read, at least once at the end.
+    pub progress: Option<Progress>,
+}
+
+impl Default for LoadOptions {
+    fn default() -> Self {
+        Self { max_bytes: MAX_BYTES, kind: None, progress: None }
+    }
+}
+
+impl fmt::Debug for LoadOptions {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("LoadOptions")
+            .field("max_bytes", &self.max_bytes)
+            .field("kind", &self.kind)
+            .field("progress", &self.progress.is_some())
+            .finish()
+    }
+}
+
+/// What a file was recognised as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// NIfTI-1, one file.
+    Nifti1,
+    /// NIfTI-2, one file.
+    Nifti2,
+    /// HoloM3D slice atlas: slices as tiles of a PNG.
+    Atlas,
+    /// Raw voxels with a JSON header.
+    Raw,
+}
+
+impl fmt::Display for Format {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Nifti1 => "NIfTI-1",
+            Self::Nifti2 => "NIfTI-2",
+            Self::Atlas => "slice atlas (PNG)",
+            Self::Raw => "raw voxels with a JSON header",
+        })
+    }
+}
+
+/// What was done to get from the file to the volume.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LoadReport {
+    /// What the file is.
+    pub format: Format,
+    /// Samples that were no numbers and were replaced, one count a channel. See
+    /// [`volume::Channel::replace_non_finite`].
+    pub non_finite: Vec<NonFiniteCount>,
+    /// What a person should know: conversions, what the file does not say, what was left out. Sentences.
+    pub notes: Vec<String>,
+}
+
+/// A volume and how it was got.
+#[derive(Clone, Debug)]
+pub struct Loaded {
+    /// The volume; every sample is finite.
+    pub volume: Volume,
+    /// How it was got.
+    pub report: LoadReport,
+}
+
+/// Loads the volume in a file. What the file is, its content decides, whatever its name.
+///
+/// Memory stays within about 1.3 times the voxels that are given back.
+///
+/// # Errors
+/// If the file cannot be read, is of no known format, claims what cannot be or what is larger than
+/// [`LoadOptions::max_bytes`], is damaged, or ends early. See [`LoadError`].
+pub fn load(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded, LoadError> {
+    load_source(&Source::Disk(path.as_ref()), options)
+}
+
+/// Loads a volume from bytes in memory; `name` stands for the file in messages.
+///
+/// # Errors
+/// As [`load`]; also if the bytes are a header whose voxels are in another file.
+pub fn load_bytes(name: &str, bytes: &[u8], options: &LoadOptions) -> Result<Loaded, LoadError> {
+    load_parts(name, bytes, &[], options)
+}
+
+/// Loads a volume from bytes in memory, with the named bytes of the files that would lie beside it: the JSON of a slice
+/// atlas, the voxels of a raw header.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_parts(
+    name: &str,
+    bytes: &[u8],
+    beside: &[(&str, &[u8])],
+    options: &LoadOptions,
+) -> Result<Loaded, LoadError> {
+    load_source(&Source::Memory { name, bytes, beside }, options)
+}
+
+fn load_source(source: &Source<'_>, options: &LoadOptions) -> Result<Loaded, LoadError> {
+    let mut part = source.open()?;
+    let unreadable = |source| LoadError::Unreadable { file: part.name.clone(), source };
+    let mut start = [0; LOOKED_AT];
+    let length = read_full(&mut part.input, &mut start).map_err(unreadable)?;
+    part.input.seek(SeekFrom::Start(0)).map_err(unreadable)?;
+    let start = &start[..length];
+
+    if start.starts_with(&[0x1f, 0x8b]) {
+        return load_gzip(part, options);
+    }
+    if nifti::is_header(start) {
+        let Part { name, length, input } = part;
+        return nifti::load(&name, nifti::Stream { input, holds_at_most: length, gzip: false }, options);
+    }
+    Err(LoadError::UnknownFormat { file: part.name, found: what_it_is(start) })
+}
+
+/// Compressed as a whole: only NIfTI comes like that.
+fn load_gzip(mut part: Part<'_>, options: &LoadOptions) -> Result<Loaded, LoadError> {
+    let damaged = |e: std::io::Error| LoadError::Damaged {
+        file: part.name.clone(),
+        what: "gzip data",
+        reason: e.to_string(),
+    };
+    let mut start = [0; LOOKED_AT];
+    let length = read_full(&mut MultiGzDecoder::new(&mut part.input), &mut start);
+    // A file that ends after its header is for the header's reader to judge.
+    let length = length.map_err(damaged)?;
+    let start = &start[..length];
+    if !nifti::is_header(start) {
+        let found = format!("gzip of {}", what_it_is(start));
+        return Err(LoadError::UnknownFormat { file: part.name, found });
+    }
+    part.input.seek(SeekFrom::Start(0)).map_err(damaged)?;
+    let stream = nifti::Stream {
+        input: MultiGzDecoder::new(part.input),
+        holds_at_most: part.length.saturating_mul(MOST_GZIP_EXPANSION),
+        gzip: true,
+    };
+    nifti::load(&part.name, stream, options)
+}
+
+/// A byte of deflate data holds at most 1032 bytes: a match of 258 bytes takes two bits.
+const MOST_GZIP_EXPANSION: u64 = 1032;
+
+/// What the first bytes of a file look like, for a person who wonders why it is refused.
+fn what_it_is(start: &[u8]) -> String {
+    let text = start.iter().all(|b| (0x20..0x7f).contains(b) || b"\t\r\n".contains(b));
+    let known = match start {
+        [] => "an empty file",
+        _ if start.get(128..132) == Some(b"DICM") => "DICOM",
+        _ if start.starts_with(b"NRRD") => "NRRD",
+        _ if start.starts_with(b"PK\x03\x04") => "a ZIP archive",
+        _ if start.starts_with(b"\xff\xd8\xff") => "a JPEG picture",
+        _ if start.starts_with(b"ObjectType") || start.starts_with(b"NDims") => "MetaImage",
+        _ if text => "text",
+        _ => {
+            let first: Vec<String> = start.iter().take(8).map(|b| format!("{b:02x}")).collect();
+            return format!("unknown bytes {}", first.join(" "));
+        }
+    };
+    known.to_owned()
+}
+
+impl LoadOptions {
+    /// Tells the caller how far the loader is.
+    pub(crate) fn progressed(&self, fraction: f32) {
+        if let Some(progress) = &self.progress {
+            progress(fraction);
+        }
+    }
+
+    /// Refuses what is larger than the caller allows. `bytes` is what the voxels take in memory.
+    pub(crate) fn check_size(&self, file: &str, bytes: u128) -> Result<(), LoadError> {
+        // Also what this machine's addresses can count, for the products that follow.
+        let allowed = self.max_bytes.min(isize::MAX as u64);
+        if bytes > u128::from(allowed) {
+            return Err(LoadError::TooLarge { file: file.to_owned(), what: "the volume", found: bytes, allowed });
+        }
+        Ok(())
+    }
+}
+
+/// Replaces what is no number, puts the channels on the grid, and makes the report.
+pub(crate) fn finish(
+    file: &str,
+    format: Format,
+    grid: volume::Grid,
+    mut channels: Vec<volume::Channel>,
+    mut notes: Vec<String>,
+) -> Result<Loaded, LoadError> {
+    let non_finite: Vec<NonFiniteCount> =
+        channels.iter_mut().map(volume::Channel::replace_non_finite).collect();
+    for (channel, count) in channels.iter().zip(&non_finite).filter(|(_, c)| c.total() > 0) {
+        notes.push(format!(
+            "channel '{}': {} NaN and {} -Inf replaced by the lowest, {} +Inf by the highest finite value",
+            channel.name, count.nan, count.negative_infinity, count.positive_infinity
+        ));
+    }
+    let volume = Volume::new(grid, channels)
+        .map_err(|source| LoadError::Volume { file: file.to_owned(), source })?;
+    Ok(Loaded { volume, report: LoadReport { format, non_finite, notes } })
+}
+
+/// Reads what is promised to be there, and no more.
+pub(crate) fn read_promised(
+    file: &str,
+    reader: &mut impl Read,
+    buffer: &mut [u8],
+    what: &'static str,
+    gzip: bool,
+) -> Result<(), LoadError> {
+    let found = read_full(reader, buffer).map_err(|e| broken(file, gzip, e))?;
+    if found < buffer.len() {
+        let (expected, found) = (buffer.len() as u64, found as u64);
+        return Err(LoadError::Truncated { file: file.to_owned(), what, expected, found });
+    }
+    Ok(())
+}
+
+/// An error in the midst of reading: of the gzip data or of the disk.
+pub(crate) fn broken(file: &str, gzip: bool, e: std::io::Error) -> LoadError {
+    let file = file.to_owned();
+    if gzip {
+        LoadError::Damaged { file, what: "gzip data", reason: e.to_string() }
+    } else {
+        LoadError::Unreadable { file, source: e }
+    }
+}

@@ -1,0 +1,142 @@
+//! NIfTI-1 and NIfTI-2 in one file: header, extensions, voxels.
+//!
+//! Source of the layout and of what the fields mean: the NIfTI-1 and NIfTI-2 standards (`nifti1.h`, `nifti2.h`).
+//! Why the headers are read here and not by the `nifti` crate: `docs/decisions/0004-nifti.md`.
+
+mod geometry;
+mod header;
+
+use crate::load::{broken, finish, read_promised};
+use crate::samples::{self, Run, StoredType};
+use crate::{Format, LoadError, LoadOptions, Loaded};
+use header::{Header, Version};
+use std::io::Read;
+use volume::{Channel, ChannelKind};
+
+pub(crate) use header::is_header;
+
+/// `intent_code` of a label map.
+const INTENT_LABEL: i64 = 1002;
+/// Bytes of extensions that are looked at for a label table; longer ones are passed over.
+const EXTENSIONS_LOOKED_AT: usize = 1 << 20;
+/// Bytes after the voxels that are read for the checksum of the gzip data, which stands at their end.
+const TAIL: usize = 64 << 10;
+
+/// The bytes of a NIfTI file from its start, decompressed.
+pub(crate) struct Stream<R> {
+    /// The bytes.
+    pub(crate) input: R,
+    /// How many they can be at most: the file's length, or what that much gzip data can hold.
+    pub(crate) holds_at_most: u64,
+    /// Whether they are decompressed on the way.
+    pub(crate) gzip: bool,
+}
+
+/// Loads the volume, the first one if there is a series of them in time.
+pub(crate) fn load(
+    file: &str,
+    mut stream: Stream<impl Read>,
+    options: &LoadOptions,
+) -> Result<Loaded, LoadError> {
+    let gzip = stream.gzip;
+    let header = Header::read(file, &mut stream.input, gzip)?;
+    let mut notes = Vec::new();
+    let dims = header.dims(file, &mut notes)?;
+    let stored = header.stored_type(file)?;
+    let grid = geometry::grid(file, &header, dims, &mut notes)?;
+
+    // Three dimensions of at most 32 767 and samples of at most 8 bytes: no product overflows 64 bits.
+    let count = grid.voxel_count();
+    options.check_size(file, count as u128 * stored.held_bytes() as u128)?;
+    let bytes = count as u64 * stored.bytes() as u64;
+    let offset = header.voxel_offset(file, &mut notes)?;
+    let promised = offset.saturating_add(bytes);
+    if !gzip && promised > stream.holds_at_most {
+        return Err(LoadError::Truncated {
+            file: file.to_owned(),
+            what: "header and voxels",
+            expected: promised,
+            found: stream.holds_at_most,
+        });
+    }
+
+    let label_table = pass_extensions(file, &mut stream, offset - header.length())?;
+    let run =
+        Run { file, stored, order: header.order, count, holds_at_most: stream.holds_at_most, gzip };
+    let held = samples::read(&mut stream.input, &run, options)?;
+    if !header.is_series() {
+        check_tail(file, &mut stream, &mut notes)?;
+    }
+
+    let (slope, intercept) = header.scaling(file, &mut notes)?;
+    note_conversion(stored, &held, slope, &mut notes);
+    let labels = header.intent_code == INTENT_LABEL || label_table;
+    let kind = options.kind.unwrap_or(if labels { ChannelKind::Label } else { ChannelKind::Intensity });
+    let name = if kind == ChannelKind::Label { "labels" } else { "image" }.to_owned();
+    let format = match header.version {
+        Version::One => Format::Nifti1,
+        Version::Two => Format::Nifti2,
+    };
+    finish(file, format, grid, vec![Channel { name, kind, voxels: held.voxels, slope, intercept }], notes)
+}
+
+/// Passes over what lies between header and voxels. Says whether a label table is there: few label maps say in their
+/// header that they are one, but some carry a table of names in a Caret extension.
+fn pass_extensions(
+    file: &str,
+    stream: &mut Stream<impl Read>,
+    length: u64,
+) -> Result<bool, LoadError> {
+    let looked_at = length.min(EXTENSIONS_LOOKED_AT as u64);
+    let mut extensions = vec![0; looked_at as usize];
+    read_promised(file, &mut stream.input, &mut extensions, "header extensions", stream.gzip)?;
+    let passed = std::io::copy(&mut stream.input.by_ref().take(length - looked_at), &mut std::io::sink());
+    let passed = passed.map_err(|e| broken(file, stream.gzip, e))?;
+    if looked_at + passed < length {
+        return Err(LoadError::Truncated {
+            file: file.to_owned(),
+            what: "header extensions",
+            expected: length,
+            found: looked_at + passed,
+        });
+    }
+    Ok(extensions.windows(11).any(|w| w == b"<LabelTable"))
+}
+
+/// Reads on to the end of the data, where gzip has its checksum, but not far: nobody asked for what follows.
+fn check_tail(
+    file: &str,
+    stream: &mut Stream<impl Read>,
+    notes: &mut Vec<String>,
+) -> Result<(), LoadError> {
+    let mut tail = vec![0; TAIL];
+    let mut length = 0;
+    while length < TAIL {
+        match stream.input.read(&mut tail[length..]) {
+            Ok(0) => break,
+            Ok(n) => length += n,
+            Err(e) if e.kind() == std::io::ErrorKind::Interrupted => {}
+            Err(e) => return Err(broken(file, stream.gzip, e)),
+        }
+    }
+    if length > 0 {
+        let or_more = if length == TAIL { " or more" } else { "" };
+        notes.push(format!("{length} bytes{or_more} after the voxels were not read"));
+    }
+    Ok(())
+}
+
+fn note_conversion(stored: StoredType, held: &samples::Samples, slope: f64, notes: &mut Vec<String>) {
+    let (stored, held_as) = (stored.name(), held.voxels.voxel_type().name());
+    if stored != held_as {
+        notes.push(if held.worst_rounding > 0.0 {
+            let rounding = held.worst_rounding * slope.abs();
+            format!("{stored} in the file, held as {held_as}: values are rounded by at most {rounding:.3e}")
+        } else {
+            format!("{stored} in the file, held as {held_as} without loss")
+        });
+    }
+    if held.overflowed > 0 {
+        notes.push(format!("{} values are too large for {held_as} and count as infinite", held.overflowed));
+    }
+}

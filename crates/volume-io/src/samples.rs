@@ -1,0 +1,424 @@
+//! Samples as they stand in a file, read as a stream straight into the type that holds them.
+//!
+//! uint8, int16, uint16 and float32 stay what they are. Other integers become int16 if all fit, else uint16 if all fit,
+//! else float32; float64 becomes float32. What that loses is measured.
+
+use crate::source::read_full;
+use crate::{LoadError, LoadOptions, load::broken};
+use std::io::Read;
+use volume::Voxels;
+
+/// Bytes that are read and converted at a time: small enough for a core's cache. A multiple of every sample's size.
+const CHUNK: usize = 256 << 10;
+/// Chunks between two calls of the progress callback: 16 MiB.
+const CHUNKS_A_CALL: usize = 64;
+/// Samples that are widened before the memory of the narrow ones is given back: 8 MiB of them.
+const WIDENED_AT_ONCE: usize = 4 << 20;
+
+/// Types of samples in files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum StoredType {
+    U8,
+    I8,
+    I16,
+    U16,
+    I32,
+    U32,
+    I64,
+    U64,
+    F32,
+    F64,
+}
+
+impl StoredType {
+    /// Bytes of a sample in the file.
+    pub(crate) fn bytes(self) -> usize {
+        match self {
+            Self::U8 | Self::I8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::I64 | Self::U64 | Self::F64 => 8,
+        }
+    }
+
+    /// Most bytes that a sample takes in memory.
+    pub(crate) fn held_bytes(self) -> usize {
+        match self {
+            Self::U8 => 1,
+            Self::I8 | Self::I16 | Self::U16 => 2,
+            _ => 4,
+        }
+    }
+
+    /// The name that files and people use.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::U8 => "uint8",
+            Self::I8 => "int8",
+            Self::I16 => "int16",
+            Self::U16 => "uint16",
+            Self::I32 => "int32",
+            Self::U32 => "uint32",
+            Self::I64 => "int64",
+            Self::U64 => "uint64",
+            Self::F32 => "float32",
+            Self::F64 => "float64",
+        }
+    }
+}
+
+/// Order of the bytes of a number in a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum ByteOrder {
+    Little,
+    Big,
+}
+
+/// A run of samples in a file.
+pub(crate) struct Run<'a> {
+    /// The file, for messages.
+    pub(crate) file: &'a str,
+    pub(crate) stored: StoredType,
+    pub(crate) order: ByteOrder,
+    /// Samples that the header promises; their bytes are known not to overflow.
+    pub(crate) count: usize,
+    /// Bytes that the data may hold at most, however the header lies: memory is taken for no more.
+    pub(crate) holds_at_most: u64,
+    /// Whether the data are decompressed on the way.
+    pub(crate) gzip: bool,
+}
+
+/// Samples as they are held, and what was lost on the way.
+#[derive(Debug)]
+pub(crate) struct Samples {
+    pub(crate) voxels: Voxels,
+    /// Largest difference between a finite stored number and the one that is held.
+    pub(crate) worst_rounding: f64,
+    /// Finite numbers that were too large for float32 and became infinite.
+    pub(crate) overflowed: usize,
+}
+
+impl Samples {
+    fn exact(voxels: Voxels) -> Self {
+        Self { voxels, worst_rounding: 0.0, overflowed: 0 }
+    }
+}
+
+/// Reads a run of samples.
+pub(crate) fn read(
+    reader: &mut impl Read,
+    run: &Run<'_>,
+    options: &LoadOptions,
+) -> Result<Samples, LoadError> {
+    macro_rules! kept {
+        ($held:ident, $t:ty) => {
+            match run.order {
+                ByteOrder::Little => kept(reader, run, options, <$t>::from_le_bytes),
+                ByteOrder::Big => kept(reader, run, options, <$t>::from_be_bytes),
+            }
+            .map(|v| Samples::exact(Voxels::$held(v)))
+        };
+    }
+    macro_rules! integers {
+        ($t:ty) => {
+            match run.order {
+                ByteOrder::Little => integers(reader, run, options, <$t>::from_le_bytes),
+                ByteOrder::Big => integers(reader, run, options, <$t>::from_be_bytes),
+            }
+        };
+    }
+    match run.stored {
+        StoredType::U8 => kept!(U8, u8),
+        StoredType::I16 => kept!(I16, i16),
+        StoredType::U16 => kept!(U16, u16),
+        StoredType::F32 => kept!(F32, f32),
+        StoredType::I8 => integers!(i8),
+        StoredType::I32 => integers!(i32),
+        StoredType::U32 => integers!(u32),
+        StoredType::I64 => integers!(i64),
+        StoredType::U64 => integers!(u64),
+        StoredType::F64 => match run.order {
+            ByteOrder::Little => doubles(reader, run, options, f64::from_le_bytes),
+            ByteOrder::Big => doubles(reader, run, options, f64::from_be_bytes),
+        },
+    }
+}
+
+/// Samples that are held as they are stored.
+fn kept<T, const N: usize>(
+    reader: &mut impl Read,
+    run: &Run<'_>,
+    options: &LoadOptions,
+    decode: impl Fn([u8; N]) -> T,
+) -> Result<Vec<T>, LoadError> {
+    let mut samples = reserve(run)?;
+    each_chunk(reader, run, options, |bytes| {
+        samples.extend(bytes.as_chunks().0.iter().map(|&b| decode(b)));
+        Ok(())
+    })?;
+    Ok(samples)
+}
+
+/// float64, held as float32.
+fn doubles(
+    reader: &mut impl Read,
+    run: &Run<'_>,
+    options: &LoadOptions,
+    decode: impl Fn([u8; 8]) -> f64,
+) -> Result<Samples, LoadError> {
+    let mut samples: Vec<f32> = reserve(run)?;
+    let (mut worst_rounding, mut overflowed) = (0.0f64, 0);
+    each_chunk(reader, run, options, |bytes| {
+        for &b in bytes.as_chunks().0 {
+            let double = decode(b);
+            let single = double as f32;
+            if single.is_finite() {
+                worst_rounding = worst_rounding.max((f64::from(single) - double).abs());
+            } else if double.is_finite() {
+                overflowed += 1;
+            }
+            samples.push(single);
+        }
+        Ok(())
+    })?;
+    Ok(Samples { voxels: Voxels::F32(samples), worst_rounding, overflowed })
+}
+
+/// Integers of other sizes, held as the narrowest of int16, uint16 and float32 that takes all of them.
+fn integers<T: Integer, const N: usize>(
+    reader: &mut impl Read,
+    run: &Run<'_>,
+    options: &LoadOptions,
+    decode: impl Fn([u8; N]) -> T,
+) -> Result<Samples, LoadError> {
+    let mut held = Voxels::I16(reserve(run)?);
+    let mut scratch = Vec::with_capacity(CHUNK / N);
+    let mut negative = false;
+    let mut worst_rounding = 0.0f64;
+    each_chunk(reader, run, options, |bytes| {
+        scratch.clear();
+        scratch.extend(bytes.as_chunks().0.iter().map(|&b| decode(b)));
+        let Some((&low, &high)) = scratch.iter().min().zip(scratch.iter().max()) else { return Ok(()) };
+        negative |= low < T::default();
+        held = match std::mem::replace(&mut held, Voxels::U8(Vec::new())) {
+            Voxels::I16(v) if !(low.fits_i16() && high.fits_i16()) => {
+                if negative || !high.fits_u16() {
+                    Voxels::F32(widened(v, run)?)
+                } else {
+                    // No sample was negative: the same bits, and no copy.
+                    Voxels::U16(bytemuck::allocation::cast_vec(v))
+                }
+            }
+            Voxels::U16(v) if !(low.fits_u16() && high.fits_u16()) => Voxels::F32(widened(v, run)?),
+            fits => fits,
+        };
+        match &mut held {
+            Voxels::I16(v) => v.extend(scratch.iter().map(|s| s.as_i16())),
+            Voxels::U16(v) => v.extend(scratch.iter().map(|s| s.as_u16())),
+            Voxels::F32(v) => v.extend(scratch.iter().map(|s| {
+                worst_rounding = worst_rounding.max(s.rounding_as_f32());
+                s.as_f32()
+            })),
+            Voxels::U8(_) => {}
+        }
+        Ok(())
+    })?;
+    Ok(Samples { voxels: held, worst_rounding, overflowed: 0 })
+}
+
+/// The same numbers as float32. Works from the end and gives the narrow ones back as it goes, so that both are never
+/// there in full.
+fn widened<T: Copy + Into<f32>>(mut narrow: Vec<T>, run: &Run<'_>) -> Result<Vec<f32>, LoadError> {
+    let mut wide: Vec<f32> = reserve(run)?;
+    // Fresh zeroed memory costs nothing until it is written.
+    wide.resize(narrow.len(), 0.0);
+    while !narrow.is_empty() {
+        let start = narrow.len().saturating_sub(WIDENED_AT_ONCE);
+        for (wide, &narrow) in wide[start..].iter_mut().zip(&narrow[start..]) {
+            *wide = narrow.into();
+        }
+        narrow.truncate(start);
+        narrow.shrink_to_fit();
+    }
+    Ok(wide)
+}
+
+/// Hands the run's bytes to `take`, a chunk of whole samples at a time.
+fn each_chunk(
+    reader: &mut impl Read,
+    run: &Run<'_>,
+    options: &LoadOptions,
+    mut take: impl FnMut(&[u8]) -> Result<(), LoadError>,
+) -> Result<(), LoadError> {
+    let total = run.count as u64 * run.stored.bytes() as u64;
+    let mut buffer = vec![0; CHUNK];
+    let (mut done, mut chunks) = (0, 0);
+    while done < total {
+        let wanted = (total - done).min(CHUNK as u64) as usize;
+        let chunk = &mut buffer[..wanted];
+        let found = read_full(reader, chunk).map_err(|e| broken(run.file, run.gzip, e))?;
+        if found < wanted {
+            let found = done + found as u64;
+            return Err(LoadError::Truncated {
+                file: run.file.to_owned(),
+                what: "voxels",
+                expected: total,
+                found,
+            });
+        }
+        take(chunk)?;
+        done += wanted as u64;
+        chunks += 1;
+        if chunks % CHUNKS_A_CALL == 0 || done == total {
+            options.progressed((done as f64 / total as f64) as f32);
+        }
+    }
+    Ok(())
+}
+
+/// Room for all samples that the header promises and the data may hold. Pages are taken as they are written.
+fn reserve<T>(run: &Run<'_>) -> Result<Vec<T>, LoadError> {
+    let may_hold = run.holds_at_most / run.stored.bytes() as u64;
+    let count = run.count.min(usize::try_from(may_hold).unwrap_or(usize::MAX));
+    let mut samples = Vec::new();
+    samples.try_reserve_exact(count).map_err(|_| LoadError::NoMemory {
+        file: run.file.to_owned(),
+        bytes: count as u64 * size_of::<T>() as u64,
+    })?;
+    Ok(samples)
+}
+
+/// An integer that may fit a narrower type.
+trait Integer: Copy + Ord + Default {
+    fn fits_i16(self) -> bool;
+    fn fits_u16(self) -> bool;
+    /// For those that fit.
+    fn as_i16(self) -> i16;
+    /// For those that fit.
+    fn as_u16(self) -> u16;
+    fn as_f32(self) -> f32;
+    /// What float32 loses of it.
+    fn rounding_as_f32(self) -> f64;
+}
+
+macro_rules! integer {
+    ($($t:ty)*) => { $(impl Integer for $t {
+        fn fits_i16(self) -> bool { i16::try_from(self).is_ok() }
+        fn fits_u16(self) -> bool { u16::try_from(self).is_ok() }
+        fn as_i16(self) -> i16 { self as i16 }
+        fn as_u16(self) -> u16 { self as u16 }
+        fn as_f32(self) -> f32 { self as f32 }
+        fn rounding_as_f32(self) -> f64 {
+            (i128::from(self) - (self as f32) as i128).unsigned_abs() as f64
+        }
+    })* };
+}
+integer!(i8 i32 u32 i64 u64);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read_all(stored: StoredType, order: ByteOrder, bytes: &[u8]) -> Samples {
+        let run = Run {
+            file: "test",
+            stored,
+            order,
+            count: bytes.len() / stored.bytes(),
+            holds_at_most: bytes.len() as u64,
+            gzip: false,
+        };
+        read(&mut &bytes[..], &run, &LoadOptions::default()).unwrap()
+    }
+
+    fn ints(values: &[i32]) -> Samples {
+        let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_be_bytes()).collect();
+        read_all(StoredType::I32, ByteOrder::Big, &bytes)
+    }
+
+    #[test]
+    fn wide_integers_become_the_narrowest_that_takes_all() {
+        assert_eq!(ints(&[-32768, 32767]).voxels, Voxels::I16(vec![-32768, 32767]));
+        assert_eq!(ints(&[0, 65535, 3]).voxels, Voxels::U16(vec![0, 65535, 3]));
+        assert_eq!(ints(&[-1, 65535]).voxels, Voxels::F32(vec![-1.0, 65535.0]));
+        assert_eq!(ints(&[0, 65536]).voxels, Voxels::F32(vec![0.0, 65536.0]));
+    }
+
+    #[test]
+    fn a_late_large_value_keeps_the_earlier_ones() {
+        // Three chunks, so that each change of type happens after samples were stored.
+        let mut values: Vec<i32> = (0..3 * (CHUNK as i32 / 4)).map(|i| i % 30_000).collect();
+        values[CHUNK / 4] = 40_000;
+        let as_u16: Vec<u16> = values.iter().map(|&v| v as u16).collect();
+        assert_eq!(ints(&values).voxels, Voxels::U16(as_u16));
+        values[CHUNK / 2] = -5;
+        let as_f32: Vec<f32> = values.iter().map(|&v| v as f32).collect();
+        assert_eq!(ints(&values).voxels, Voxels::F32(as_f32));
+        values[0] = -7;
+        let as_f32: Vec<f32> = values.iter().map(|&v| v as f32).collect();
+        assert_eq!(ints(&values).voxels, Voxels::F32(as_f32));
+    }
+
+    #[test]
+    fn widening_many_steps_keeps_the_order() {
+        let run = Run {
+            file: "test",
+            stored: StoredType::I32,
+            order: ByteOrder::Little,
+            count: 2 * WIDENED_AT_ONCE + 17,
+            holds_at_most: u64::MAX,
+            gzip: false,
+        };
+        let narrow: Vec<i16> = (0..run.count).map(|i| (i % 30_011) as i16).collect();
+        let wide = widened(narrow, &run).unwrap();
+        assert_eq!(wide.len(), run.count);
+        assert!(wide.iter().enumerate().all(|(i, &w)| w == (i % 30_011) as f32));
+    }
+
+    #[test]
+    fn what_float32_loses_is_measured() {
+        let exact = ints(&[1 << 24, -(1 << 24)]);
+        assert_eq!(exact.worst_rounding, 0.0);
+        assert_eq!(ints(&[(1 << 24) + 1]).worst_rounding, 1.0);
+        assert_eq!(ints(&[i32::MAX]).worst_rounding, 1.0);
+        let bytes = u64::MAX.to_le_bytes();
+        assert_eq!(read_all(StoredType::U64, ByteOrder::Little, &bytes).worst_rounding, 1.0);
+        let third = read_all(StoredType::F64, ByteOrder::Little, &(1.0f64 / 3.0).to_le_bytes());
+        assert_eq!(third.worst_rounding, (f64::from(1.0f32 / 3.0) - 1.0 / 3.0).abs());
+        let huge = read_all(StoredType::F64, ByteOrder::Little, &1e300f64.to_le_bytes());
+        assert_eq!((huge.overflowed, huge.worst_rounding), (1, 0.0));
+    }
+
+    #[test]
+    fn both_byte_orders_of_each_type() {
+        fn check(stored: StoredType, big: &[u8], expected: &Voxels) {
+            let little: Vec<u8> = big.chunks(stored.bytes()).flat_map(|c| c.iter().rev().copied()).collect();
+            assert_eq!(read_all(stored, ByteOrder::Big, big).voxels, *expected);
+            assert_eq!(read_all(stored, ByteOrder::Little, &little).voxels, *expected);
+        }
+        check(StoredType::U8, &[1, 255], &Voxels::U8(vec![1, 255]));
+        check(StoredType::I8, &[1, 255], &Voxels::I16(vec![1, -1]));
+        check(StoredType::I16, &[1, 2, 255, 254], &Voxels::I16(vec![258, -2]));
+        check(StoredType::U16, &[1, 2, 255, 254], &Voxels::U16(vec![258, 65534]));
+        check(StoredType::I32, &(-5i32).to_be_bytes(), &Voxels::I16(vec![-5]));
+        check(StoredType::U32, &5u32.to_be_bytes(), &Voxels::I16(vec![5]));
+        check(StoredType::I64, &(-5i64).to_be_bytes(), &Voxels::I16(vec![-5]));
+        check(StoredType::U64, &5u64.to_be_bytes(), &Voxels::I16(vec![5]));
+        check(StoredType::F32, &1.5f32.to_be_bytes(), &Voxels::F32(vec![1.5]));
+        check(StoredType::F64, &1.5f64.to_be_bytes(), &Voxels::F32(vec![1.5]));
+    }
+
+    #[test]
+    fn a_short_run_says_how_much_was_there() {
+        let run = Run {
+            file: "short",
+            stored: StoredType::I16,
+            order: ByteOrder::Little,
+            count: usize::MAX / 4,
+            holds_at_most: 7,
+            gzip: false,
+        };
+        let error = read(&mut &[0u8; 7][..], &run, &LoadOptions::default()).unwrap_err();
+        assert!(matches!(error, LoadError::Truncated { found: 7, .. }), "{error}");
+    }
+}
