@@ -1,0 +1,103 @@
+//! Structural similarity (Wang, Bovik, Sheikh and Simoncelli 2004).
+
+/// Standard deviation of the Gaussian window, pixels.
+const SIGMA: f64 = 1.5;
+/// Half the window: 11 pixels a side.
+const REACH: usize = 5;
+/// (K₁·L)² and (K₂·L)² with K₁ = 0.01, K₂ = 0.03 and a range L of 1.
+const C1: f64 = 0.01 * 0.01;
+const C2: f64 = 0.03 * 0.03;
+
+/// The mean structural similarity of two planes of values from 0 to 1, rows from the top; 1 if they are equal.
+///
+/// As published: Gaussian window of 11 × 11 with σ = 1.5, only where it fits. Along a side shorter than the window it is
+/// cut to the picture and made to sum to 1 again.
+pub(crate) fn mean_ssim(a: &[f64], b: &[f64], width: usize, height: usize) -> f64 {
+    let (across, down) = (windows(width), windows(height));
+    let blurred = |of: &dyn Fn(usize) -> f64| blur(of, width, height, &across, &down);
+    let mean_a = blurred(&|i| a[i]);
+    let mean_b = blurred(&|i| b[i]);
+    let square_a = blurred(&|i| a[i] * a[i]);
+    let square_b = blurred(&|i| b[i] * b[i]);
+    let product = blurred(&|i| a[i] * b[i]);
+    let similarity = |i: usize| {
+        let (ma, mb) = (mean_a[i], mean_b[i]);
+        let (va, vb) = (square_a[i] - ma * ma, square_b[i] - mb * mb);
+        let covariance = product[i] - ma * mb;
+        (2.0 * ma * mb + C1) * (2.0 * covariance + C2) / ((ma * ma + mb * mb + C1) * (va + vb + C2))
+    };
+    (0..mean_a.len()).map(similarity).sum::<f64>() / mean_a.len() as f64
+}
+
+/// The first pixel of a window along a side, and its weights.
+struct Window {
+    first: usize,
+    weights: Vec<f64>,
+}
+
+fn windows(length: usize) -> Vec<Window> {
+    let fits = length > 2 * REACH;
+    let centres = if fits { REACH..length - REACH } else { 0..length };
+    centres
+        .map(|centre| {
+            let first = centre.saturating_sub(REACH);
+            let last = (centre + REACH).min(length - 1);
+            let weight = |i: usize| {
+                let off = i as f64 - centre as f64;
+                (-off * off / (2.0 * SIGMA * SIGMA)).exp()
+            };
+            let sum: f64 = (first..=last).map(weight).sum();
+            Window { first, weights: (first..=last).map(|i| weight(i) / sum).collect() }
+        })
+        .collect()
+}
+
+fn blur(
+    of: &dyn Fn(usize) -> f64,
+    width: usize,
+    height: usize,
+    across: &[Window],
+    down: &[Window],
+) -> Vec<f64> {
+    let mut rows = Vec::with_capacity(across.len() * height);
+    for y in 0..height {
+        for window in across {
+            let at = |i: usize| of(y * width + window.first + i);
+            rows.push(window.weights.iter().enumerate().map(|(i, w)| w * at(i)).sum::<f64>());
+        }
+    }
+    let mut blurred = Vec::with_capacity(across.len() * down.len());
+    for window in down {
+        for x in 0..across.len() {
+            let at = |i: usize| rows[(window.first + i) * across.len() + x];
+            blurred.push(window.weights.iter().enumerate().map(|(i, w)| w * at(i)).sum());
+        }
+    }
+    blurred
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_planes_are_wholly_similar() {
+        let plane: Vec<f64> = (0..20 * 15).map(|i| f64::from(i % 7) / 7.0).collect();
+        assert!((mean_ssim(&plane, &plane, 20, 15) - 1.0).abs() < 1e-12);
+        assert!((mean_ssim(&plane[..6], &plane[..6], 3, 2) - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn flat_planes_differ_by_their_brightness_alone() {
+        let (a, b) = (0.4, 0.6);
+        let expected = (2.0 * a * b + C1) / (a * a + b * b + C1);
+        assert!((mean_ssim(&[a; 400], &[b; 400], 20, 20) - expected).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_negative_is_dissimilar() {
+        let a: Vec<f64> = (0..400).map(|i| f64::from((i % 20 + i / 20) % 2)).collect();
+        let b: Vec<f64> = a.iter().map(|x| 1.0 - x).collect();
+        assert!(mean_ssim(&a, &b, 20, 20) < -0.9);
+    }
+}
