@@ -34,7 +34,7 @@ pub enum LoadError {
         found: String,
     },
     /// A JSON file is not JSON, lacks a field, or has one that is not known.
-    #[error("{file}: not the JSON expected: {source}")]
+    #[error("{file}: not the JSON expected: {}", printable(.source))]
     Json {
         /// The file.
         file: String,
@@ -94,7 +94,7 @@ pub enum LoadError {
         bytes: u64,
     },
     /// A header names a file outside its own folder.
-    #[error("{file}: {field}: expected a file in the header's folder or below it, found '{found}'")]
+    #[error("{file}: {field}: expected a file in the header's folder or below it, found {found:?}")]
     OutsideFolder {
         /// The header.
         file: String,
@@ -129,7 +129,7 @@ impl LoadError {
         file: &str,
         field: impl Into<String>,
         expected: impl Into<String>,
-        found: impl ToString,
+        found: &(impl ToString + ?Sized),
     ) -> Self {
         Self::Field {
             file: file.to_owned(),
@@ -138,4 +138,9 @@ impl LoadError {
             found: found.to_string(),
         }
     }
+}
+
+/// A message that may quote the file, without what would steer a terminal.
+fn printable(message: &impl ToString) -> String {
+    message.to_string().replace(char::is_control, "\u{fffd}")
 }

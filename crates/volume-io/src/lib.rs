@@ -10,10 +10,14 @@
 //!
 //! This crate knows no GPU, no scene and no network.
 
+mod atlas;
+pub mod describe;
 mod error;
 mod load;
 mod nifti;
+mod raw;
 mod samples;
+mod sidecar;
 mod source;
 
 pub use error::LoadError;

@@ -1,7 +1,7 @@
 //! The way in: recognise a file, load it, report.
 
 use crate::source::{Part, Source, read_full};
-use crate::{LoadError, nifti};
+use crate::{LoadError, atlas, nifti, raw};
 use flate2::bufread::MultiGzDecoder;
 use std::fmt;
 use std::io::{Read, SeekFrom};
@@ -13,6 +13,11 @@ use volume::{ChannelKind, NonFiniteCount, Volume};
 const LOOKED_AT: usize = 540;
 /// Bytes of voxels that are accepted unless the caller says otherwise: 16 GiB.
 const MAX_BYTES: u64 = 16 << 30;
+
+/// Most voxels along one axis, as in [`volume::Grid`].
+const LONGEST_AXIS: u32 = 32_767;
+/// Largest slope and intercept, and one over the smallest slope: with any float32 the value stays finite in float64.
+const LARGEST_SCALE: f64 = 1.0e100;
 
 /// Called with the fraction (0 to 1) of the voxels that have been read.
 pub type Progress = Arc<dyn Fn(f32) + Send + Sync>;
@@ -139,6 +144,12 @@ fn load_source(source: &Source<'_>, options: &LoadOptions) -> Result<Loaded, Loa
         let Part { name, length, input } = part;
         return nifti::load(&name, nifti::Stream { input, holds_at_most: length, gzip: false }, options);
     }
+    if start.starts_with(atlas::SIGNATURE) {
+        return atlas::load(source, part, options);
+    }
+    if start.trim_ascii_start().starts_with(b"{") {
+        return raw::load(source, part, options);
+    }
     Err(LoadError::UnknownFormat { file: part.name, found: what_it_is(start) })
 }
 
@@ -202,7 +213,12 @@ impl LoadOptions {
         // Also what this machine's addresses can count, for the products that follow.
         let allowed = self.max_bytes.min(isize::MAX as u64);
         if bytes > u128::from(allowed) {
-            return Err(LoadError::TooLarge { file: file.to_owned(), what: "the volume", found: bytes, allowed });
+            return Err(LoadError::TooLarge {
+                file: file.to_owned(),
+                what: "the volume",
+                found: bytes,
+                allowed,
+            });
         }
         Ok(())
     }
@@ -224,9 +240,36 @@ pub(crate) fn finish(
             channel.name, count.nan, count.negative_infinity, count.positive_infinity
         ));
     }
-    let volume = Volume::new(grid, channels)
-        .map_err(|source| LoadError::Volume { file: file.to_owned(), source })?;
+    let volume =
+        Volume::new(grid, channels).map_err(|source| LoadError::Volume { file: file.to_owned(), source })?;
     Ok(Loaded { volume, report: LoadReport { format, non_finite, notes } })
+}
+
+/// The length of an axis, in voxels, that a file claims.
+pub(crate) fn checked_axis(file: &str, field: &str, found: i64) -> Result<u32, LoadError> {
+    u32::try_from(found)
+        .ok()
+        .filter(|length| (1..=LONGEST_AXIS).contains(length))
+        .ok_or_else(|| LoadError::field(file, field, format!("1 to {LONGEST_AXIS} voxels"), &found))
+}
+
+/// Slope and intercept that a file claims; `fields` are their names there.
+pub(crate) fn checked_scaling(
+    file: &str,
+    fields: [&str; 2],
+    slope: f64,
+    intercept: f64,
+) -> Result<(f64, f64), LoadError> {
+    // NaN is in no range.
+    if !(1.0 / LARGEST_SCALE..=LARGEST_SCALE).contains(&slope.abs()) {
+        let expected = format!("a number of size 1e-100 to {LARGEST_SCALE:e}");
+        return Err(LoadError::field(file, fields[0], expected, &slope));
+    }
+    if !(0.0..=LARGEST_SCALE).contains(&intercept.abs()) {
+        let expected = format!("a number of size up to {LARGEST_SCALE:e}");
+        return Err(LoadError::field(file, fields[1], expected, &intercept));
+    }
+    Ok((slope, intercept))
 }
 
 /// Reads what is promised to be there, and no more.

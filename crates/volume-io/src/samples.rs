@@ -229,9 +229,9 @@ fn integers<T: Integer, const N: usize>(
 /// The same numbers as float32. Works from the end and gives the narrow ones back as it goes, so that both are never
 /// there in full.
 fn widened<T: Copy + Into<f32>>(mut narrow: Vec<T>, run: &Run<'_>) -> Result<Vec<f32>, LoadError> {
-    let mut wide: Vec<f32> = reserve(run)?;
-    // Fresh zeroed memory costs nothing until it is written.
-    wide.resize(narrow.len(), 0.0);
+    // Zeroed by the system: its pages are not taken before they are written.
+    let mut wide = zeroed::<f32>(run.file, fitting(run))?;
+    wide.truncate(narrow.len());
     while !narrow.is_empty() {
         let start = narrow.len().saturating_sub(WIDENED_AT_ONCE);
         for (wide, &narrow) in wide[start..].iter_mut().zip(&narrow[start..]) {
@@ -276,16 +276,26 @@ fn each_chunk(
     Ok(())
 }
 
-/// Room for all samples that the header promises and the data may hold. Pages are taken as they are written.
-fn reserve<T>(run: &Run<'_>) -> Result<Vec<T>, LoadError> {
+/// Samples that the header promises and the data may hold.
+fn fitting(run: &Run<'_>) -> usize {
     let may_hold = run.holds_at_most / run.stored.bytes() as u64;
-    let count = run.count.min(usize::try_from(may_hold).unwrap_or(usize::MAX));
+    run.count.min(usize::try_from(may_hold).unwrap_or(usize::MAX))
+}
+
+/// Room for the samples. Pages are taken as they are written.
+fn reserve<T>(run: &Run<'_>) -> Result<Vec<T>, LoadError> {
     let mut samples = Vec::new();
-    samples.try_reserve_exact(count).map_err(|_| LoadError::NoMemory {
-        file: run.file.to_owned(),
-        bytes: count as u64 * size_of::<T>() as u64,
-    })?;
+    samples.try_reserve_exact(fitting(run)).map_err(|_| no_memory::<T>(run.file, fitting(run)))?;
     Ok(samples)
+}
+
+/// Zeros that take no pages until they are written.
+pub(crate) fn zeroed<T: bytemuck::Zeroable>(file: &str, count: usize) -> Result<Vec<T>, LoadError> {
+    bytemuck::allocation::try_zeroed_vec(count).map_err(|()| no_memory::<T>(file, count))
+}
+
+fn no_memory<T>(file: &str, count: usize) -> LoadError {
+    LoadError::NoMemory { file: file.to_owned(), bytes: count as u64 * size_of::<T>() as u64 }
 }
 
 /// An integer that may fit a narrower type.

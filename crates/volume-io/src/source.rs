@@ -71,8 +71,7 @@ impl<'a> Source<'a> {
         field: &'static str,
         relative: &str,
     ) -> Result<Part<'a>, LoadError> {
-        let outside =
-            || LoadError::OutsideFolder { file: self.name(), field, found: relative.to_owned() };
+        let outside = || LoadError::OutsideFolder { file: self.name(), field, found: relative.to_owned() };
         let below = Path::new(relative).components().all(|c| matches!(c, Component::Normal(_)));
         if relative.is_empty() || !below {
             return Err(outside());
@@ -91,17 +90,15 @@ impl<'a> Source<'a> {
                 }
                 open_file(&real_file)
             }
-            Self::Memory { beside, .. } => {
-                beside.iter().find(|(name, _)| *name == relative).map_or_else(
-                    || {
-                        Err(LoadError::Unreadable {
-                            file: relative.to_owned(),
-                            source: io::ErrorKind::NotFound.into(),
-                        })
-                    },
-                    |(name, bytes)| Ok(in_memory(name, bytes)),
-                )
-            }
+            Self::Memory { beside, .. } => beside.iter().find(|(name, _)| *name == relative).map_or_else(
+                || {
+                    Err(LoadError::Unreadable {
+                        file: relative.to_owned(),
+                        source: io::ErrorKind::NotFound.into(),
+                    })
+                },
+                |(name, bytes)| Ok(in_memory(name, bytes)),
+            ),
         }
     }
 }

@@ -31,8 +31,11 @@ pub(super) fn grid(
     };
     let mm = DAffine3::from_scale(DVec3::splat(mm_per_unit(header, notes)));
     let lps_from_ras = DAffine3::from_scale(DVec3::new(-1.0, -1.0, 1.0));
-    Grid::new(dims, lps_from_ras * mm * ras_from_index)
-        .map_err(|source| LoadError::Grid { file: file.to_owned(), field, source })
+    Grid::new(dims, lps_from_ras * mm * ras_from_index).map_err(|source| LoadError::Grid {
+        file: file.to_owned(),
+        field,
+        source,
+    })
 }
 
 /// Method 3 of the standard: a general affine transform, shear and all.
@@ -46,7 +49,10 @@ fn qform(header: &Header, notes: &mut Vec<String>) -> DAffine3 {
     let bcd = DVec3::from_array(header.quatern);
     let squared = bcd.length_squared();
     if squared > 1.0 + QUATERNION_ROUNDING {
-        notes.push(format!("the quaternion's b, c, d have length {:.6}, more than 1: scaled to 1", squared.sqrt()));
+        notes.push(format!(
+            "the quaternion's b, c, d have length {:.6}, more than 1: scaled to 1",
+            squared.sqrt()
+        ));
     }
     // a ≥ 0 by the standard. Rounding may leave nothing for it; the rest is then made unit.
     let a = (1.0 - squared).max(0.0).sqrt();

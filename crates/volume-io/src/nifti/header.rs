@@ -1,7 +1,7 @@
 //! The fields of a NIfTI header, of both versions and both byte orders.
 
 use crate::LoadError;
-use crate::load::read_promised;
+use crate::load::{checked_axis, checked_scaling, read_promised};
 use crate::samples::{ByteOrder, StoredType};
 use std::io::Read;
 
@@ -11,8 +11,6 @@ const LENGTH_1: usize = 348;
 const LENGTH_2: usize = 540;
 /// Bytes that say whether extensions follow.
 const EXTENDER: u64 = 4;
-/// Most voxels along one axis, as in [`volume::Grid`].
-const LONGEST_AXIS: i64 = 32_767;
 /// `magic` of a NIfTI-1 file with its voxels.
 const MAGIC_1: &[u8] = b"n+1\0";
 /// `magic` of a NIfTI-1 header whose voxels are in another file.
@@ -78,7 +76,7 @@ impl Header {
         let mut bytes = [0; LENGTH_2];
         read_promised(file, input, &mut bytes[..4], "header", gzip)?;
         let Some((version, order)) = recognise(&bytes) else {
-            return Err(LoadError::field(file, "sizeof_hdr", "348 or 540", format!("{:02x?}", &bytes[..4])));
+            return Err(LoadError::field(file, "sizeof_hdr", "348 or 540", &format!("{:02x?}", &bytes[..4])));
         };
         let length = if version == Version::One { LENGTH_1 } else { LENGTH_2 };
         read_promised(file, input, &mut bytes[4..length], "header", gzip)?;
@@ -99,7 +97,7 @@ impl Header {
         } else {
             format!("'{}'", magic.escape_ascii())
         };
-        Err(LoadError::field(file, "magic", expected, found))
+        Err(LoadError::field(file, "magic", expected, &found))
     }
 
     fn parse_1(f: &Fields<'_>) -> Self {
@@ -163,31 +161,29 @@ impl Header {
     pub(crate) fn dims(&self, file: &str, notes: &mut Vec<String>) -> Result<[u32; 3], LoadError> {
         let axes = self.dim[0];
         if !(1..=7).contains(&axes) {
-            return Err(LoadError::field(file, "dim[0]", "1 to 7 dimensions", axes));
+            return Err(LoadError::field(file, "dim[0]", "1 to 7 dimensions", &axes));
         }
         // Beyond the declared dimensions the fields mean nothing.
         let length = |axis: usize| if axis as i64 <= axes { self.dim[axis] } else { 1 };
-        for axis in 1..=3 {
-            let found = length(axis);
-            if !(1..=LONGEST_AXIS).contains(&found) {
-                let expected = format!("1 to {LONGEST_AXIS} voxels");
-                return Err(LoadError::field(file, format!("dim[{axis}]"), expected, found));
-            }
-        }
+        let dims = [
+            checked_axis(file, "dim[1]", length(1))?,
+            checked_axis(file, "dim[2]", length(2))?,
+            checked_axis(file, "dim[3]", length(3))?,
+        ];
         for axis in 4..=7 {
             let found = length(axis);
             if found < 1 {
-                return Err(LoadError::field(file, format!("dim[{axis}]"), "1 or more", found));
+                return Err(LoadError::field(file, format!("dim[{axis}]"), "1 or more", &found));
             }
             if axis > 4 && found > 1 {
                 let found = format!("{found} numbers a voxel (vectors or tensors are not volumes)");
-                return Err(LoadError::field(file, format!("dim[{axis}]"), "1", found));
+                return Err(LoadError::field(file, format!("dim[{axis}]"), "1", &found));
             }
         }
         if length(4) > 1 {
             notes.push(format!("a series of {} volumes in time: the first one is loaded", length(4)));
         }
-        Ok([length(1) as u32, length(2) as u32, length(3) as u32])
+        Ok(dims)
     }
 
     /// Whether more volumes follow the first.
@@ -215,8 +211,9 @@ impl Header {
             2304 => "RGBA colours",
             _ => "no type of the standard",
         };
-        let expected = "integers of 8 to 64 bits, float32 or float64 (2, 4, 8, 16, 64, 256, 512, 768, 1024, 1280)";
-        Err(LoadError::field(file, "datatype", expected, format!("{} ({what})", self.datatype)))
+        let expected =
+            "integers of 8 to 64 bits, float32 or float64 (2, 4, 8, 16, 64, 256, 512, 768, 1024, 1280)";
+        Err(LoadError::field(file, "datatype", expected, &format!("{} ({what})", self.datatype)))
     }
 
     /// Where in the file the voxels begin, in bytes.
@@ -231,7 +228,7 @@ impl Header {
         }
         if !(least as f64..=most as f64).contains(&offset) || offset.fract() != 0.0 {
             let expected = format!("a whole number of bytes, {least} or more");
-            return Err(LoadError::field(file, "vox_offset", expected, offset));
+            return Err(LoadError::field(file, "vox_offset", expected, &offset));
         }
         Ok(offset as u64)
     }
@@ -246,10 +243,7 @@ impl Header {
             notes.push(format!("scl_slope is {slope}: stored values are taken as they are"));
             return Ok((1.0, 0.0));
         }
-        if !intercept.is_finite() {
-            return Err(LoadError::field(file, "scl_inter", "a finite number", intercept));
-        }
-        Ok((slope, intercept))
+        checked_scaling(file, ["scl_slope", "scl_inter"], slope, intercept)
     }
 }
 

@@ -61,8 +61,7 @@ pub(crate) fn load(
     }
 
     let label_table = pass_extensions(file, &mut stream, offset - header.length())?;
-    let run =
-        Run { file, stored, order: header.order, count, holds_at_most: stream.holds_at_most, gzip };
+    let run = Run { file, stored, order: header.order, count, holds_at_most: stream.holds_at_most, gzip };
     let held = samples::read(&mut stream.input, &run, options)?;
     if !header.is_series() {
         check_tail(file, &mut stream, &mut notes)?;
@@ -82,11 +81,7 @@ pub(crate) fn load(
 
 /// Passes over what lies between header and voxels. Says whether a label table is there: few label maps say in their
 /// header that they are one, but some carry a table of names in a Caret extension.
-fn pass_extensions(
-    file: &str,
-    stream: &mut Stream<impl Read>,
-    length: u64,
-) -> Result<bool, LoadError> {
+fn pass_extensions(file: &str, stream: &mut Stream<impl Read>, length: u64) -> Result<bool, LoadError> {
     let looked_at = length.min(EXTENSIONS_LOOKED_AT as u64);
     let mut extensions = vec![0; looked_at as usize];
     read_promised(file, &mut stream.input, &mut extensions, "header extensions", stream.gzip)?;
@@ -104,11 +99,7 @@ fn pass_extensions(
 }
 
 /// Reads on to the end of the data, where gzip has its checksum, but not far: nobody asked for what follows.
-fn check_tail(
-    file: &str,
-    stream: &mut Stream<impl Read>,
-    notes: &mut Vec<String>,
-) -> Result<(), LoadError> {
+fn check_tail(file: &str, stream: &mut Stream<impl Read>, notes: &mut Vec<String>) -> Result<(), LoadError> {
     let mut tail = vec![0; TAIL];
     let mut length = 0;
     while length < TAIL {

@@ -1,0 +1,89 @@
+//! What is no volume at all, and random damage.
+
+use crate::{fixture, load_err};
+use proptest::prelude::*;
+use volume_io::{LoadError, LoadOptions, load, load_bytes, load_parts};
+
+#[test]
+fn a_missing_file_is_unreadable() {
+    let error = load("no such file.nii", &LoadOptions::default()).unwrap_err();
+    assert!(matches!(error, LoadError::Unreadable { .. }));
+    assert!(error.to_string().contains("no such file.nii"), "{error}");
+}
+
+#[test]
+fn a_folder_is_unreadable() {
+    let folder = tempfile::tempdir().unwrap();
+    let error = load(folder.path(), &LoadOptions::default()).unwrap_err();
+    assert!(
+        matches!(error, LoadError::Unreadable { .. }) && error.to_string().contains("directory"),
+        "{error}"
+    );
+}
+
+#[test]
+fn content_decides_and_not_the_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scan.png");
+    std::fs::write(&path, fixture("n1_le_u8_sform.nii")).unwrap();
+    load(&path, &LoadOptions::default()).unwrap();
+}
+
+#[test]
+fn what_is_no_volume_is_named() {
+    let check = |bytes: &[u8], expected: &str| {
+        let error = load_err(bytes);
+        assert!(matches!(error, LoadError::UnknownFormat { .. }), "{error}");
+        assert!(error.to_string().contains(expected), "{error}");
+    };
+    check(b"", "an empty file");
+    check(b"hello", "text");
+    check(b"NRRD0005\n", "NRRD");
+    check(b"PK\x03\x04....", "a ZIP archive");
+    check(b"ObjectType = Image\n", "MetaImage");
+    check(&[0xde, 0xad, 0xbe, 0xef], "unknown bytes de ad be ef");
+    let mut dicom = [0; 140];
+    dicom[128..132].copy_from_slice(b"DICM");
+    check(&dicom, "DICOM");
+}
+
+/// Damage must give an error or a volume, within the memory allowed; a panic fails the test.
+fn survives(name: &str, bytes: &[u8], beside: &[(&str, &[u8])]) {
+    let options = LoadOptions { max_bytes: 1 << 20, ..LoadOptions::default() };
+    if let Ok(loaded) = load_parts(name, bytes, beside, &options) {
+        assert!(loaded.volume.sample_bytes() <= 1 << 20);
+    }
+}
+
+proptest! {
+    #[test]
+    fn random_bytes_do_no_harm(bytes in proptest::collection::vec(any::<u8>(), 0..600)) {
+        let _ = load_bytes("random", &bytes, &LoadOptions::default());
+    }
+
+    #[test]
+    fn damaged_headers_do_no_harm(
+        one in 0usize..412, two in 0usize..412, a in any::<u8>(), b in any::<u8>(), kind in 0usize..4,
+    ) {
+        let name = [
+            "n1_le_u8_sform.nii",
+            "n1_be_f32_qform_oblique.nii.gz",
+            "n1_le_i32_sagittal.nii",
+            "n2_le_f32_sheared.nii",
+        ][kind];
+        let mut bytes = fixture(name);
+        let length = bytes.len();
+        bytes[one % length] = a;
+        bytes[two % length] = b;
+        survives(name, &bytes, &[]);
+    }
+
+    #[test]
+    fn damaged_json_does_no_harm(at in 0usize..200, with in any::<u8>()) {
+        let mut header = br#"{"raw": "a.raw", "dims": [2, 2, 2], "type": "int16", "endian": "big",
+            "spacing_mm": [1, 1, 1], "slope": 2.5, "intercept": -1000, "name": "ct", "kind": "label"}"#.to_vec();
+        let length = header.len();
+        header[at % length] = with;
+        survives("a.json", &header, &[("a.raw", &[0; 16])]);
+    }
+}
