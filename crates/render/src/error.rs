@@ -1,0 +1,81 @@
+//! What can go wrong with a device.
+
+/// Why no device could be opened.
+#[derive(Debug, thiserror::Error)]
+pub enum OpenError {
+    /// There is no Vulkan driver at all.
+    #[error(
+        "no Vulkan adapter found. Install a driver: the GPU vendor's, or Mesa's software driver \
+         (Debian/Ubuntu: apt-get install mesa-vulkan-drivers libvulkan1)"
+    )]
+    NoAdapter,
+    /// None of the adapters has the name asked for.
+    #[error("no adapter whose name contains '{wanted}'; there are: {available}")]
+    NoSuchAdapter {
+        /// What was asked for.
+        wanted: String,
+        /// The names there are.
+        available: String,
+    },
+    /// The adapter lacks something that holocast cannot do without.
+    #[error("adapter '{adapter}' lacks {missing}")]
+    Lacks {
+        /// The adapter's name.
+        adapter: String,
+        /// What it lacks.
+        missing: String,
+    },
+    /// The driver refused.
+    #[error("adapter '{adapter}' could not be opened: {reason}")]
+    Refused {
+        /// The adapter's name.
+        adapter: String,
+        /// The driver's words.
+        reason: String,
+    },
+}
+
+/// Why something could not be put on the device or drawn.
+#[derive(Debug, thiserror::Error)]
+pub enum RenderError {
+    /// The volume has more voxels along an axis than a texture may have.
+    #[error("the volume has {dims:?} voxels, the device allows {max} along each axis of a 3-D texture")]
+    VolumeTooLarge {
+        /// Voxels along x, y, z.
+        dims: [u32; 3],
+        /// The device's limit.
+        max: u32,
+    },
+    /// A buffer would be larger than the device allows.
+    #[error("{what} needs {bytes} bytes, the device allows {max} in one buffer")]
+    BufferTooLarge {
+        /// What the buffer is for.
+        what: &'static str,
+        /// Bytes needed.
+        bytes: u64,
+        /// The device's limit.
+        max: u64,
+    },
+    /// The device ran out of memory or refused something.
+    #[error("the device refused {what}: {reason}")]
+    Device {
+        /// What was asked of it.
+        what: &'static str,
+        /// Its words.
+        reason: String,
+    },
+    /// All slots of the read-back ring are in use.
+    #[error("all {slots} slots of the read-back ring are in use; finish a frame before the next one")]
+    RingFull {
+        /// Slots there are.
+        slots: usize,
+    },
+    /// The scene shows a channel that is not on the device.
+    #[error("channel {channel} is not on the device, which holds {channels}")]
+    NoSuchChannel {
+        /// The channel asked for, from 0.
+        channel: usize,
+        /// Channels there are.
+        channels: usize,
+    },
+}

@@ -1,0 +1,88 @@
+//! What the shaders read: mirrors of the structs in `shaders/common/frame.wgsl`.
+
+use bytemuck::{Pod, Zeroable};
+
+/// `Eye` in WGSL.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct GpuEye {
+    pub(crate) anchor: [f32; 3],
+    pub(crate) anchor_depth: f32,
+    pub(crate) ray: [f32; 3],
+    pub(crate) pad_0: u32,
+    pub(crate) ray_dx: [f32; 3],
+    pub(crate) pad_1: u32,
+    pub(crate) ray_dy: [f32; 3],
+    pub(crate) pad_2: u32,
+    pub(crate) ray_mm: [f32; 3],
+    pub(crate) pad_3: u32,
+    pub(crate) ray_dx_mm: [f32; 3],
+    pub(crate) pad_4: u32,
+    pub(crate) ray_dy_mm: [f32; 3],
+    pub(crate) pad_5: u32,
+}
+
+/// `Frame` in WGSL.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct GpuFrame {
+    pub(crate) eyes: [GpuEye; 2],
+    pub(crate) render_size: [u32; 2],
+    pub(crate) output_size: [u32; 2],
+    pub(crate) luma_stride: u32,
+    pub(crate) eye_count: u32,
+    pub(crate) step_mm: f32,
+    pub(crate) least_transmittance: f32,
+    pub(crate) dims: [f32; 3],
+    pub(crate) value_scale: f32,
+    pub(crate) cells: [u32; 3],
+    pub(crate) value_offset: f32,
+    pub(crate) gradient_x: [f32; 3],
+    pub(crate) table_scale: f32,
+    pub(crate) gradient_y: [f32; 3],
+    pub(crate) table_offset: f32,
+    pub(crate) gradient_z: [f32; 3],
+    pub(crate) threshold: f32,
+    pub(crate) light: [f32; 4],
+    pub(crate) surface_color: [f32; 3],
+    pub(crate) surface_opacity: f32,
+    pub(crate) background: [f32; 3],
+    pub(crate) window_low: f32,
+    pub(crate) window_per_value: f32,
+    pub(crate) room_mm_per_volume_mm: f32,
+    pub(crate) depth_columns: u32,
+    pub(crate) depth_rows: u32,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::mem::{offset_of, size_of};
+
+    /// Members of a WGSL struct (name, offset in bytes) and its size, as naga lays it out.
+    fn wgsl_struct(name: &str) -> (Vec<(String, u32)>, u32) {
+        let module = naga::front::wgsl::parse_str(crate::shaders::RAYCAST).unwrap();
+        let (_, found) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(name)).unwrap();
+        let naga::TypeInner::Struct { members, span } = &found.inner else { panic!("{name} is no struct") };
+        (members.iter().map(|m| (m.name.clone().unwrap(), m.offset)).collect(), *span)
+    }
+
+    macro_rules! members {
+        ($t:ty: $($m:ident),*) => { vec![$((stringify!($m).to_owned(), offset_of!($t, $m) as u32)),*] };
+    }
+
+    #[test]
+    fn eye_lies_in_memory_as_the_shader_reads_it() {
+        let rust = members!(GpuEye: anchor, anchor_depth, ray, ray_dx, ray_dy, ray_mm, ray_dx_mm, ray_dy_mm);
+        assert_eq!(wgsl_struct("Eye"), (rust, size_of::<GpuEye>() as u32));
+    }
+
+    #[test]
+    fn frame_lies_in_memory_as_the_shader_reads_it() {
+        let rust = members!(GpuFrame: eyes, render_size, output_size, luma_stride, eye_count, step_mm,
+            least_transmittance, dims, value_scale, cells, value_offset, gradient_x, table_scale, gradient_y,
+            table_offset, gradient_z, threshold, light, surface_color, surface_opacity, background, window_low,
+            window_per_value, room_mm_per_volume_mm, depth_columns, depth_rows);
+        assert_eq!(wgsl_struct("Frame"), (rust, size_of::<GpuFrame>() as u32));
+    }
+}

@@ -1,0 +1,159 @@
+//! Pipelines, made for exactly what a scene uses.
+
+use crate::shaders;
+use scene::Mode;
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// What a scene uses of the ray-caster: the rest is not in its pipeline.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct Features {
+    pub(crate) mode: Mode,
+    pub(crate) lit: bool,
+    pub(crate) skip: bool,
+    pub(crate) exact_filter: bool,
+}
+
+impl Features {
+    /// The mode's number in the shader.
+    fn mode_number(self) -> f64 {
+        match self.mode {
+            Mode::EmissionAbsorption => 0.0,
+            Mode::Threshold => 1.0,
+            Mode::XRay => 2.0,
+            Mode::Maximum => 3.0,
+            Mode::Cumulated => 4.0,
+        }
+    }
+}
+
+/// Shader modules, layouts, and the pipelines made so far.
+#[derive(Debug)]
+pub(crate) struct Pipelines {
+    pub(crate) frame_layout: wgpu::BindGroupLayout,
+    pub(crate) volume_layout: wgpu::BindGroupLayout,
+    pub(crate) scene_layout: wgpu::BindGroupLayout,
+    pub(crate) picture_layout: wgpu::BindGroupLayout,
+    pub(crate) convert_layout: wgpu::BindGroupLayout,
+    pub(crate) depth_layout: wgpu::BindGroupLayout,
+    pub(crate) convert: wgpu::ComputePipeline,
+    pub(crate) convert_scaled: wgpu::ComputePipeline,
+    pub(crate) depth: wgpu::ComputePipeline,
+    raycast_module: wgpu::ShaderModule,
+    raycast_layout: wgpu::PipelineLayout,
+    raycast: Mutex<HashMap<Features, Arc<wgpu::ComputePipeline>>>,
+}
+
+impl Pipelines {
+    pub(crate) fn new(device: &wgpu::Device) -> Self {
+        let layout = |label: &str, entries: &[wgpu::BindingType]| {
+            let entries: Vec<_> = entries
+                .iter()
+                .enumerate()
+                .map(|(binding, &ty)| wgpu::BindGroupLayoutEntry {
+                    binding: binding as u32,
+                    visibility: wgpu::ShaderStages::COMPUTE,
+                    ty,
+                    count: None,
+                })
+                .collect();
+            device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+                label: Some(label),
+                entries: &entries,
+            })
+        };
+        let buffer = |ty| wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
+        let uniform = buffer(wgpu::BufferBindingType::Uniform);
+        let read = buffer(wgpu::BufferBindingType::Storage { read_only: true });
+        let write = buffer(wgpu::BufferBindingType::Storage { read_only: false });
+        let voxels = wgpu::BindingType::Texture {
+            sample_type: wgpu::TextureSampleType::Float { filterable: true },
+            view_dimension: wgpu::TextureViewDimension::D3,
+            multisampled: false,
+        };
+        let sampler = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
+        let frame_layout = layout("frame", &[uniform]);
+        let volume_layout = layout("volume", &[voxels, sampler, read]);
+        let scene_layout = layout("scene", &[read, read, read]);
+        let picture_layout = layout("picture", &[write, write]);
+        let convert_layout = layout("convert", &[read, write]);
+        let depth_layout = layout("depth", &[read, read, write]);
+
+        let pipeline_layout = |label: &str, groups: &[&wgpu::BindGroupLayout]| {
+            let groups: Vec<_> = groups.iter().map(|&g| Some(g)).collect();
+            device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: Some(label),
+                bind_group_layouts: &groups,
+                immediate_size: 0,
+            })
+        };
+        let module = |label: &str, text: &'static str| {
+            device.create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some(label),
+                source: wgpu::ShaderSource::Wgsl(text.into()),
+            })
+        };
+        let raycast_layout =
+            pipeline_layout("raycast", &[&frame_layout, &volume_layout, &scene_layout, &picture_layout]);
+        let convert_pipeline_layout = pipeline_layout("convert", &[&frame_layout, &convert_layout]);
+        let depth_pipeline_layout = pipeline_layout("depth", &[&frame_layout, &depth_layout]);
+        let convert_module = module("convert", shaders::CONVERT);
+        let depth_module = module("depth", shaders::DEPTH);
+        let convert = |scaled: f64| {
+            make(device, &convert_module, &convert_pipeline_layout, "convert", &[("SCALED", scaled)])
+        };
+        Self {
+            convert: convert(0.0),
+            convert_scaled: convert(1.0),
+            depth: make(device, &depth_module, &depth_pipeline_layout, "reduce", &[]),
+            raycast_module: module("raycast", shaders::RAYCAST),
+            raycast_layout,
+            raycast: Mutex::new(HashMap::new()),
+            frame_layout,
+            volume_layout,
+            scene_layout,
+            picture_layout,
+            convert_layout,
+            depth_layout,
+        }
+    }
+
+    /// The ray-caster for a combination of features; compiled at its first use.
+    pub(crate) fn raycast(&self, device: &wgpu::Device, features: Features) -> Arc<wgpu::ComputePipeline> {
+        // A panic elsewhere cannot leave a map of finished pipelines in a bad state.
+        let lock = || self.raycast.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = lock().get(&features) {
+            return found.clone();
+        }
+        // Compiled outside the lock: another thread that has its pipeline does not wait for this one.
+        let flag = |on: bool| if on { 1.0 } else { 0.0 };
+        let constants = [
+            ("MODE", features.mode_number()),
+            ("LIT", flag(features.lit)),
+            ("SKIP", flag(features.skip)),
+            ("EXACT_FILTER", flag(features.exact_filter)),
+        ];
+        let made = Arc::new(make(device, &self.raycast_module, &self.raycast_layout, "raycast", &constants));
+        lock().entry(features).or_insert(made).clone()
+    }
+}
+
+fn make(
+    device: &wgpu::Device,
+    module: &wgpu::ShaderModule,
+    layout: &wgpu::PipelineLayout,
+    entry_point: &str,
+    constants: &[(&str, f64)],
+) -> wgpu::ComputePipeline {
+    device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some(entry_point),
+        layout: Some(layout),
+        module,
+        entry_point: Some(entry_point),
+        compilation_options: wgpu::PipelineCompilationOptions {
+            constants,
+            zero_initialize_workgroup_memory: false,
+        },
+        cache: None,
+    })
+}

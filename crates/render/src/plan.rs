@@ -1,0 +1,381 @@
+//! A frame as data: everything the device is told, worked out in float64 and testable without a device.
+
+use crate::Quality;
+use crate::layout::{GpuEye, GpuFrame};
+use crate::pipelines::Features;
+use crate::scene_on_device::SceneNumbers;
+use scene::Mode;
+use spatial::{DAffine3, DMat3, DVec3, EyeView};
+use volume::Grid;
+
+/// Most samples along the longest way through a volume: beyond, float32 cannot number them.
+const MOST_SAMPLES: f64 = 1_048_576.0;
+/// Longest side of a picture in pixels.
+const LONGEST_SIDE: u32 = 16_384;
+
+/// Where the volume lies in the space that the eyes are given in.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placed {
+    /// From the eyes' space to voxel index.
+    pub index_from_world: DAffine3,
+    /// Millimetres of room a millimetre of the volume takes.
+    pub room_mm_per_volume_mm: f64,
+}
+
+impl Placed {
+    /// A volume in the room, eyes in metres.
+    #[must_use]
+    pub fn in_room(placement: &scene::Placement, grid: &Grid) -> Self {
+        let world_from_index = placement.world_from_volume(grid) * grid.volume_from_index();
+        Self {
+            index_from_world: world_from_index.inverse(),
+            room_mm_per_volume_mm: 1000.0 / placement.volume_mm_per_world_m(),
+        }
+    }
+
+    /// Eyes in the volume's own millimetres, as scene files give cameras.
+    #[must_use]
+    pub fn own_axes(grid: &Grid) -> Self {
+        Self { index_from_world: grid.own_axes_from_index().inverse(), room_mm_per_volume_mm: 1.0 }
+    }
+}
+
+/// Depths sent beside a picture: cells of each eye.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DepthGridSize {
+    /// Cells across; 0 for no grid.
+    pub columns: u32,
+    /// Cells down; 0 for no grid.
+    pub rows: u32,
+}
+
+/// What is asked of the renderer.
+#[derive(Clone, Debug)]
+pub struct StereoRequest<'a> {
+    /// One eye, or left and right.
+    pub eyes: &'a [EyeView],
+    /// Where the volume lies.
+    pub placed: Placed,
+    /// Width and height of one eye's picture in pixels; both even where it is to be encoded.
+    pub eye_size_px: [u32; 2],
+    /// What the frame may cost.
+    pub quality: Quality,
+    /// Distance of samples in millimetres, if it is not the quality's to choose.
+    pub step_mm: Option<f64>,
+    /// Depths wanted beside the picture.
+    pub depth_grid: DepthGridSize,
+}
+
+/// Why a request cannot be drawn.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PlanError {
+    /// Neither one eye nor two.
+    #[error("a picture has one or two eyes, found {0}")]
+    Eyes(usize),
+    /// No pixel, or too many.
+    #[error("picture of {0:?} pixels an eye: each side must be 1 to {LONGEST_SIDE}")]
+    Size([u32; 2]),
+    /// The step is so short that the samples of a ray could not be counted.
+    #[error(
+        "step of {step_mm} mm: the longest way through the volume, {way_mm:.1} mm, would take {samples:.0} samples, \
+         at most {MOST_SAMPLES} are possible"
+    )]
+    Step {
+        /// The step, millimetres.
+        step_mm: f64,
+        /// The volume's diagonal, millimetres.
+        way_mm: f64,
+        /// Samples along it.
+        samples: f64,
+    },
+    /// The quality has a number out of its range.
+    #[error("quality: {field} is {found}, expected {expected}")]
+    Quality {
+        /// Which number.
+        field: &'static str,
+        /// What it is.
+        found: f64,
+        /// What is allowed.
+        expected: &'static str,
+    },
+}
+
+/// A frame as data.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StereoPlan {
+    pub(crate) frame: GpuFrame,
+    pub(crate) features: Features,
+    pub(crate) step_mm: f64,
+    eye_count: u32,
+    render_size_px: [u32; 2],
+    output_size_px: [u32; 2],
+    depth_grid: DepthGridSize,
+}
+
+impl StereoPlan {
+    /// Works a request out.
+    ///
+    /// # Errors
+    /// If it has no eye, no pixel, or a step or quality out of range.
+    pub fn new(request: &StereoRequest<'_>, grid: &Grid, numbers: &SceneNumbers) -> Result<Self, PlanError> {
+        let StereoRequest { eyes, placed, eye_size_px, quality, depth_grid, .. } = request;
+        if !(1..=2).contains(&eyes.len()) {
+            return Err(PlanError::Eyes(eyes.len()));
+        }
+        if eye_size_px.iter().any(|s| !(1..=LONGEST_SIDE).contains(s)) {
+            return Err(PlanError::Size(*eye_size_px));
+        }
+        check_quality(quality)?;
+        let step_mm =
+            request.step_mm.unwrap_or_else(|| quality.step_voxels * grid.spacing_mm().min_element());
+        let way_mm = grid.size_mm().length();
+        let samples = way_mm / step_mm;
+        if !(step_mm > 0.0 && samples <= MOST_SAMPLES) {
+            return Err(PlanError::Step { step_mm, way_mm, samples });
+        }
+        let scaled = |side: u32| ((f64::from(side) * quality.resolution_scale).round() as u32).max(1);
+        let render_size_px = eye_size_px.map(scaled);
+        let eye_count = eyes.len() as u32;
+        let dims = grid.dims();
+        // Gradients go to millimetres by the inverse transpose; only their direction matters, so any common factor may
+        // go, and the largest entry becomes 1.
+        let to_mm = grid.volume_from_index().matrix3.inverse().transpose();
+        let largest = to_mm.to_cols_array().into_iter().fold(0.0f64, |a, x| a.max(x.abs()));
+        let rows = (to_mm * (1.0 / largest)).transpose();
+        let mut frame = GpuFrame {
+            render_size: render_size_px,
+            output_size: *eye_size_px,
+            luma_stride: (eye_size_px[0] * eye_count).next_multiple_of(8),
+            eye_count,
+            step_mm: step_mm as f32,
+            least_transmittance: quality.least_transmittance as f32,
+            dims: dims.map(|d| d as f32),
+            cells: dims.map(|d| d.div_ceil(crate::cells::CELL as u32)),
+            gradient_x: f32s(rows.x_axis),
+            gradient_y: f32s(rows.y_axis),
+            gradient_z: f32s(rows.z_axis),
+            room_mm_per_volume_mm: placed.room_mm_per_volume_mm as f32,
+            depth_columns: depth_grid.columns,
+            depth_rows: depth_grid.rows,
+            ..numbers.frame
+        };
+        let mm_from_index = grid.volume_from_index().matrix3;
+        let centre_in_index = (DVec3::from_array(dims.map(f64::from)) - 1.0) / 2.0;
+        for (slot, eye) in frame.eyes.iter_mut().zip(eyes.iter()) {
+            *slot = gpu_eye(eye, &placed.index_from_world, &mm_from_index, centre_in_index);
+        }
+        let features = Features {
+            mode: numbers.mode,
+            lit: numbers.lit && numbers.mode == Mode::EmissionAbsorption,
+            // The mean of a ray needs all of it.
+            skip: quality.skip_empty && numbers.mode != Mode::XRay,
+            exact_filter: quality.sampling == crate::Sampling::Float32,
+        };
+        Ok(Self {
+            frame,
+            features,
+            step_mm,
+            eye_count,
+            render_size_px,
+            output_size_px: *eye_size_px,
+            depth_grid: *depth_grid,
+        })
+    }
+
+    /// Eyes in the picture.
+    #[must_use]
+    pub fn eye_count(&self) -> u32 {
+        self.eye_count
+    }
+
+    /// Rays of one eye: across and down.
+    #[must_use]
+    pub fn render_size_px(&self) -> [u32; 2] {
+        self.render_size_px
+    }
+
+    /// Pixels of one eye: across and down.
+    #[must_use]
+    pub fn output_size_px(&self) -> [u32; 2] {
+        self.output_size_px
+    }
+
+    /// Distance of samples along a ray in millimetres of the volume.
+    #[must_use]
+    pub fn step_mm(&self) -> f64 {
+        self.step_mm
+    }
+
+    /// Whether the picture is made larger when it is converted.
+    pub(crate) fn is_scaled(&self) -> bool {
+        self.render_size_px != self.output_size_px
+    }
+
+    /// Rays of all eyes.
+    pub(crate) fn rays(&self) -> u64 {
+        u64::from(self.render_size_px[0]) * u64::from(self.render_size_px[1]) * u64::from(self.eye_count)
+    }
+
+    /// Bytes of a row of luma.
+    pub(crate) fn luma_stride(&self) -> usize {
+        self.frame.luma_stride as usize
+    }
+
+    /// Bytes of the three planes.
+    pub(crate) fn planes_bytes(&self) -> usize {
+        let rows = self.output_size_px[1].next_multiple_of(2) as usize;
+        self.luma_stride() * rows * 3 / 2
+    }
+
+    /// Bytes of the grid of depths.
+    pub(crate) fn depth_grid_bytes(&self) -> usize {
+        ((self.depth_grid.columns * self.depth_grid.rows * self.eye_count) as usize * 2).next_multiple_of(4)
+    }
+
+    /// The grid of depths.
+    #[must_use]
+    pub fn depth_grid(&self) -> DepthGridSize {
+        self.depth_grid
+    }
+}
+
+fn check_quality(quality: &Quality) -> Result<(), PlanError> {
+    let check = |field, found: f64, ok: bool, expected| {
+        if ok { Ok(()) } else { Err(PlanError::Quality { field, found, expected }) }
+    };
+    let Quality { resolution_scale, step_voxels, least_transmittance, .. } = *quality;
+    check(
+        "resolution_scale",
+        resolution_scale,
+        resolution_scale > 0.0 && resolution_scale <= 1.0,
+        "above 0, at most 1",
+    )?;
+    check("step_voxels", step_voxels, step_voxels > 0.0 && step_voxels <= 64.0, "above 0, at most 64")?;
+    check("least_transmittance", least_transmittance, (0.0..=0.5).contains(&least_transmittance), "0 to 0.5")
+}
+
+fn f32s(v: DVec3) -> [f32; 3] {
+    v.as_vec3().to_array()
+}
+
+fn gpu_eye(
+    eye: &EyeView,
+    index_from_world: &DAffine3,
+    mm_from_index: &DMat3,
+    centre_in_index: DVec3,
+) -> GpuEye {
+    let pose = &eye.world_from_eye;
+    let [left, right, up, down] = eye.fov.tangents();
+    let to_index = |v_in_eye: DVec3| index_from_world.matrix3 * (pose.orientation * v_in_eye);
+    let ray = to_index(DVec3::new((left + right) / 2.0, (up + down) / 2.0, -1.0));
+    let ray_dx = to_index(DVec3::new(right - left, 0.0, 0.0));
+    let ray_dy = to_index(DVec3::new(0.0, down - up, 0.0));
+    // The anchor lies on the plane at the depth of the volume's middle, or at the eye if that is behind it.
+    let centre_in_world = index_from_world.inverse().transform_point3(centre_in_index);
+    let centre_in_eye = pose.orientation.conjugate() * (centre_in_world - pose.position_m);
+    let anchor_depth = (-centre_in_eye.z).max(0.0);
+    let anchor = index_from_world.transform_point3(pose.position_m) + ray * anchor_depth;
+    GpuEye {
+        anchor: f32s(anchor),
+        anchor_depth: anchor_depth as f32,
+        ray: f32s(ray),
+        ray_dx: f32s(ray_dx),
+        ray_dy: f32s(ray_dy),
+        ray_mm: f32s(*mm_from_index * ray),
+        ray_dx_mm: f32s(*mm_from_index * ray_dx),
+        ray_dy_mm: f32s(*mm_from_index * ray_dy),
+        ..GpuEye::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use spatial::{Fov, HeadGeometry, Pose};
+
+    fn numbers() -> SceneNumbers {
+        SceneNumbers { mode: Mode::EmissionAbsorption, lit: false, frame: GpuFrame::default() }
+    }
+
+    fn request(eyes: &[EyeView], grid: &Grid) -> StereoPlan {
+        StereoPlan::new(
+            &StereoRequest {
+                eyes,
+                placed: Placed::in_room(&scene::Placement::default(), grid),
+                eye_size_px: [320, 180],
+                quality: Quality::BALANCED,
+                step_mm: None,
+                depth_grid: DepthGridSize::default(),
+            },
+            grid,
+            &numbers(),
+        )
+        .unwrap()
+    }
+
+    fn grid() -> Grid {
+        Grid::axis_aligned([64, 80, 96], DVec3::new(1.0, 2.0, 0.5)).unwrap()
+    }
+
+    #[test]
+    fn the_middle_ray_of_an_eye_at_the_hologram_meets_the_volumes_middle() {
+        let grid = grid();
+        let eye = EyeView {
+            world_from_eye: Pose { position_m: DVec3::new(0.0, 1.5, 0.0), ..Pose::IDENTITY },
+            fov: Fov::symmetric(0.5, 0.3).unwrap(),
+        };
+        let plan = request(&[eye], &grid);
+        let e = plan.frame.eyes[0];
+        let centre = [31.5, 39.5, 47.5];
+        assert!(
+            e.anchor.iter().zip(centre).all(|(a, c): (&f32, f32)| (a - c).abs() < 1e-4),
+            "{:?}",
+            e.anchor
+        );
+        assert!((e.anchor_depth - 2.0).abs() < 1e-6);
+        // Looking along -Z, at the patient's face: towards posterior, +y.
+        assert!(e.ray[0].abs() < 1e-3 && e.ray[1] > 0.0 && e.ray[2].abs() < 1e-3, "{:?}", e.ray);
+        // A metre of room is 1000 mm of patient.
+        assert!((e.ray_mm[1] - 1000.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn no_eye_distance_plans_equal_eyes() {
+        let head = Pose { position_m: DVec3::new(0.1, 1.4, 0.3), ..Pose::IDENTITY };
+        let view = HeadGeometry::parallel(0.0, Fov::symmetric(0.5, 0.3).unwrap()).view(&head);
+        let plan = request(&view.eyes, &grid());
+        assert_eq!(plan.frame.eyes[0], plan.frame.eyes[1]);
+    }
+
+    #[test]
+    fn what_cannot_be_drawn_is_refused_with_numbers() {
+        let grid = grid();
+        let eye = EyeView { world_from_eye: Pose::IDENTITY, fov: Fov::symmetric(0.5, 0.3).unwrap() };
+        let plan = |eyes: &[EyeView], size, quality, step_mm| {
+            StereoPlan::new(
+                &StereoRequest {
+                    eyes,
+                    placed: Placed::own_axes(&grid),
+                    eye_size_px: size,
+                    quality,
+                    step_mm,
+                    depth_grid: DepthGridSize::default(),
+                },
+                &grid,
+                &numbers(),
+            )
+        };
+        assert!(matches!(plan(&[], [8, 8], Quality::FINE, None), Err(PlanError::Eyes(0))));
+        assert!(matches!(plan(&[eye], [0, 8], Quality::FINE, None), Err(PlanError::Size(_))));
+        assert!(matches!(plan(&[eye], [8, 8], Quality::FINE, Some(1e-7)), Err(PlanError::Step { .. })));
+        assert!(matches!(plan(&[eye], [8, 8], Quality::FINE, Some(f64::NAN)), Err(PlanError::Step { .. })));
+        let quality = Quality { resolution_scale: 0.0, ..Quality::FINE };
+        assert!(matches!(plan(&[eye], [8, 8], quality, None), Err(PlanError::Quality { .. })));
+    }
+
+    #[test]
+    fn a_scene_without_light_asks_for_no_gradient() {
+        let eye = EyeView { world_from_eye: Pose::IDENTITY, fov: Fov::symmetric(0.5, 0.3).unwrap() };
+        assert!(!request(&[eye], &grid()).features.lit);
+    }
+}

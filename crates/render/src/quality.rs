@@ -1,0 +1,58 @@
+//! What a frame may cost.
+
+/// Who interpolates between voxels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Sampling {
+    /// The device's filtering unit, which may carry as few as 8 fractional bits.
+    Hardware,
+    /// The shader, in float32, from eight fetched voxels.
+    Float32,
+}
+
+/// What a frame may cost.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Quality {
+    /// Rays along each side of the picture over pixels along it, above 0 to 1.
+    pub resolution_scale: f64,
+    /// Distance of samples along a ray over the smallest voxel spacing.
+    pub step_voxels: f64,
+    /// A ray ends when less than this part of the light comes through: the error is at most this, in units of full
+    /// brightness.
+    pub least_transmittance: f64,
+    /// Who interpolates.
+    pub sampling: Sampling,
+    /// Whether empty space is skipped; off only to measure what it brings.
+    pub skip_empty: bool,
+}
+
+impl Quality {
+    /// For a machine that has little to give.
+    pub const DRAFT: Self = Self { step_voxels: 2.0, least_transmittance: 1.0 / 64.0, ..Self::BALANCED };
+    /// A sample a voxel.
+    pub const BALANCED: Self = Self {
+        resolution_scale: 1.0,
+        step_voxels: 1.0,
+        least_transmittance: 1.0 / 256.0,
+        sampling: Sampling::Hardware,
+        skip_empty: true,
+    };
+    /// Two samples a voxel.
+    pub const FINE: Self = Self { step_voxels: 0.5, least_transmittance: 1.0 / 2048.0, ..Self::BALANCED };
+    /// Eight samples a voxel, interpolated in float32.
+    pub const EXACT: Self = Self {
+        step_voxels: 0.125,
+        least_transmittance: 1.0e-5,
+        sampling: Sampling::Float32,
+        ..Self::BALANCED
+    };
+
+    /// The levels by name, cheapest first.
+    pub const LEVELS: [(&'static str, Self); 4] =
+        [("draft", Self::DRAFT), ("balanced", Self::BALANCED), ("fine", Self::FINE), ("exact", Self::EXACT)];
+
+    /// The level of that name.
+    #[must_use]
+    pub fn by_name(name: &str) -> Option<Self> {
+        Self::LEVELS.iter().find(|(n, _)| *n == name).map(|(_, q)| *q)
+    }
+}

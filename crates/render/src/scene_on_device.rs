@@ -1,0 +1,165 @@
+//! A scene on the device: its table, its cells to be seen, and the numbers every frame of it shares.
+
+use crate::error::RenderError;
+use crate::gpu::Gpu;
+use crate::layout::GpuFrame;
+use crate::table::{SeenValues, TableDomain, extinction_table, optical_table};
+use crate::volume_on_device::SharedVolume;
+use scene::{Mode, Scene};
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
+use wgpu::util::DeviceExt as _;
+
+/// Steps whose tables are kept. A quality ladder has fewer rungs.
+const TABLES_KEPT: usize = 16;
+
+/// What every frame of a scene shares.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SceneNumbers {
+    pub(crate) mode: Mode,
+    pub(crate) lit: bool,
+    pub(crate) frame: GpuFrame,
+}
+
+/// A scene on the device. Made beside the frame loop, then handed to it whole: the old picture goes on meanwhile.
+#[derive(Debug)]
+pub struct SceneOnDevice {
+    scene: Scene,
+    gpu: Arc<Gpu>,
+    pub(crate) volume: SharedVolume,
+    numbers: SceneNumbers,
+    domain: TableDomain,
+    distances: wgpu::Buffer,
+    extinction: wgpu::Buffer,
+    bind_groups: Mutex<HashMap<u64, Arc<wgpu::BindGroup>>>,
+}
+
+impl SceneOnDevice {
+    /// Works a scene out for a volume: the cells that can be seen and their distances. No voxel is read.
+    ///
+    /// # Errors
+    /// If the volume has no such channel, or the device has no room.
+    pub fn new(gpu: &Arc<Gpu>, volume: &SharedVolume, scene: &Scene) -> Result<Self, RenderError> {
+        let channels = volume.channels.len();
+        let channel = volume
+            .channels
+            .get(scene.channel)
+            .ok_or(RenderError::NoSuchChannel { channel: scene.channel, channels })?;
+        let data = channel.cells.whole();
+        let domain = TableDomain::of(scene, data);
+        // Any step shows the same values; only the opacity of a step differs.
+        let seen = SeenValues::of(&optical_table(scene, domain, 1.0), domain);
+        // The shader's value may err by some units of float32's last place.
+        let slack = (data[1] - data[0]).max(data[0].abs()).max(data[1].abs()) * 1.0e-6;
+        let distances = match scene.mode {
+            Mode::EmissionAbsorption => channel.cells.distance_to_seen(|r| seen.is_seen(r)),
+            Mode::Threshold | Mode::Cumulated => {
+                channel.cells.distance_to_seen(|r| f64::from(r[1] + slack) >= scene.threshold)
+            }
+            Mode::XRay | Mode::Maximum => vec![0],
+        };
+        let buffer = |label, contents: &[u8]| {
+            gpu.guarded("the scene's tables", || {
+                let usage = wgpu::BufferUsages::STORAGE;
+                gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+                    label: Some(label),
+                    contents,
+                    usage,
+                })
+            })
+        };
+        let distances = buffer("distance to seen", bytemuck::cast_slice(&distances))?;
+        let extinction = buffer("extinction", bytemuck::cast_slice(&extinction_table(scene, domain)))?;
+        let numbers = numbers(scene, domain, channel.value_scale, channel.value_offset);
+        Ok(Self {
+            scene: scene.clone(),
+            gpu: gpu.clone(),
+            volume: volume.clone(),
+            numbers,
+            domain,
+            distances,
+            extinction,
+            bind_groups: Mutex::default(),
+        })
+    }
+
+    /// The scene.
+    #[must_use]
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// The volume's grid.
+    #[must_use]
+    pub fn grid(&self) -> &volume::Grid {
+        self.volume.grid()
+    }
+
+    /// What every frame of it shares, for [`crate::StereoPlan::new`].
+    #[must_use]
+    pub fn numbers(&self) -> &SceneNumbers {
+        &self.numbers
+    }
+
+    /// Compiles what a plan needs, so that the first frame of it does not wait.
+    pub fn prepare(&self, plan: &crate::StereoPlan) {
+        self.gpu.pipelines.raycast(&self.gpu.device, plan.features);
+    }
+
+    pub(crate) fn volume_group(&self) -> &wgpu::BindGroup {
+        &self.volume.channels[self.scene.channel].bind_group
+    }
+
+    /// Table and distances, for samples `step_mm` apart.
+    pub(crate) fn scene_group(&self, step_mm: f64) -> Arc<wgpu::BindGroup> {
+        // Bind groups are whole or absent, whatever panicked elsewhere.
+        let mut kept = self.bind_groups.lock().unwrap_or_else(PoisonError::into_inner);
+        let key = step_mm.to_bits();
+        if let Some(found) = kept.get(&key) {
+            return found.clone();
+        }
+        if kept.len() >= TABLES_KEPT {
+            kept.clear();
+        }
+        let table = self.gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: Some("table"),
+            contents: bytemuck::cast_slice(&optical_table(&self.scene, self.domain, step_mm)),
+            usage: wgpu::BufferUsages::STORAGE,
+        });
+        let group = Arc::new(self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("scene"),
+            layout: &self.gpu.pipelines.scene_layout,
+            entries: &[
+                wgpu::BindGroupEntry { binding: 0, resource: self.distances.as_entire_binding() },
+                wgpu::BindGroupEntry { binding: 1, resource: table.as_entire_binding() },
+                wgpu::BindGroupEntry { binding: 2, resource: self.extinction.as_entire_binding() },
+            ],
+        }));
+        kept.insert(key, group.clone());
+        group
+    }
+}
+
+fn numbers(scene: &Scene, domain: TableDomain, value_scale: f64, value_offset: f64) -> SceneNumbers {
+    let rgb = |c: [f64; 3]| c.map(|x| x as f32);
+    let light = scene.light.unwrap_or_default();
+    let (table_scale, table_offset) = domain.raw_to_position(value_scale, value_offset);
+    SceneNumbers {
+        mode: scene.mode,
+        lit: scene.light.is_some(),
+        frame: GpuFrame {
+            value_scale: value_scale as f32,
+            value_offset: value_offset as f32,
+            table_scale: table_scale as f32,
+            table_offset: table_offset as f32,
+            threshold: scene.threshold as f32,
+            light: [light.ambient, light.diffuse, light.specular, light.power].map(|x| x as f32),
+            surface_color: rgb(scene.surface_color),
+            surface_opacity: scene.surface_opacity as f32,
+            background: rgb(scene.background),
+            window_low: scene.window.low as f32,
+            window_per_value: (1.0 / (scene.window.high - scene.window.low)) as f32,
+            ..GpuFrame::default()
+        },
+    }
+}

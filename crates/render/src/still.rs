@@ -1,0 +1,99 @@
+//! The picture itself, in float32.
+
+use crate::StereoPlan;
+use crate::error::RenderError;
+use crate::gpu::Gpu;
+use crate::layout::GpuFrame;
+use crate::scene_on_device::SceneOnDevice;
+use crate::targets::{PIXEL_BYTES, Targets, frame_group, record_raycast};
+use std::sync::{Arc, mpsc};
+
+/// A picture of one or two eyes, at the size its rays were cast.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Still {
+    /// Pixels across and down, of one eye.
+    pub eye_size_px: [u32; 2],
+    /// Eyes: one, or left and right.
+    pub eye_count: u32,
+    /// Colour multiplied by opacity, and opacity; row by row, the left eye first.
+    pub rgba: Vec<[f32; 4]>,
+    /// Distance from the eye along the ray in millimetres of the volume; 0 where there is none.
+    pub depth_mm: Vec<f32>,
+}
+
+impl Still {
+    /// One eye's part of `rgba`.
+    #[must_use]
+    pub fn eye(&self, eye: usize) -> &[[f32; 4]] {
+        let pixels = self.eye_size_px[0] as usize * self.eye_size_px[1] as usize;
+        &self.rgba[eye * pixels..(eye + 1) * pixels]
+    }
+
+    /// One eye before a background, as 8-bit RGB, rounded to nearest.
+    #[must_use]
+    pub fn rgb8(&self, eye: usize, background: [f64; 3]) -> Vec<u8> {
+        let byte = |x: f32| (x.clamp(0.0, 1.0) * 255.0).round() as u8;
+        self.eye(eye)
+            .iter()
+            .flat_map(|p| {
+                std::array::from_fn::<u8, 3, _>(|i| byte(p[i] + (1.0 - p[3]) * background[i] as f32))
+            })
+            .collect()
+    }
+}
+
+/// Draws single pictures.
+#[derive(Debug)]
+pub struct StillRenderer {
+    gpu: Arc<Gpu>,
+}
+
+impl StillRenderer {
+    /// Draws on this device.
+    #[must_use]
+    pub fn new(gpu: &Arc<Gpu>) -> Self {
+        Self { gpu: gpu.clone() }
+    }
+
+    /// Draws a picture and reads it back.
+    ///
+    /// # Errors
+    /// If the device has no room or was lost.
+    pub fn render(&self, scene: &SceneOnDevice, plan: &StereoPlan) -> Result<Still, RenderError> {
+        use wgpu::BufferUsages as Usage;
+        let gpu = &self.gpu;
+        let targets = Targets::new(gpu, plan)?;
+        let uniform =
+            gpu.buffer("a frame's numbers", size_of::<GpuFrame>() as u64, Usage::UNIFORM | Usage::COPY_DST)?;
+        gpu.queue.write_buffer(&uniform, 0, bytemuck::bytes_of(&plan.frame));
+        let frame_group = frame_group(gpu, &uniform);
+        let (picture_bytes, depth_bytes) = (plan.rays() * PIXEL_BYTES, plan.rays() * 4);
+        let read_back = gpu.buffer(
+            "the picture's read-back",
+            picture_bytes + depth_bytes,
+            Usage::MAP_READ | Usage::COPY_DST,
+        )?;
+        let mut encoder =
+            gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("still") });
+        record_raycast(gpu, &mut encoder, scene, plan, &frame_group, &targets, None);
+        encoder.copy_buffer_to_buffer(&targets.picture, 0, &read_back, 0, Some(picture_bytes));
+        encoder.copy_buffer_to_buffer(&targets.depth, 0, &read_back, picture_bytes, Some(depth_bytes));
+        gpu.queue.submit([encoder.finish()]);
+
+        let failed = |reason: String| RenderError::Device { what: "the picture's read-back", reason };
+        let (done, mapped) = mpsc::channel();
+        read_back.slice(..).map_async(wgpu::MapMode::Read, move |result| {
+            let _ = done.send(result);
+        });
+        gpu.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| failed(e.to_string()))?;
+        mapped.recv().map_err(|e| failed(e.to_string()))?.map_err(|e| failed(e.to_string()))?;
+        let view = read_back.slice(..).get_mapped_range().map_err(|e| failed(format!("{e:?}")))?;
+        let (picture, rest) = view.split_at(picture_bytes as usize);
+        Ok(Still {
+            eye_size_px: plan.render_size_px(),
+            eye_count: plan.eye_count(),
+            rgba: bytemuck::pod_collect_to_vec(picture),
+            depth_mm: bytemuck::pod_collect_to_vec(&rest[..depth_bytes as usize]),
+        })
+    }
+}

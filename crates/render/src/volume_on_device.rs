@@ -1,0 +1,176 @@
+//! A volume on the device.
+
+use crate::cells::CellRanges;
+use crate::error::RenderError;
+use crate::gpu::Gpu;
+use std::sync::Arc;
+use volume::{Channel, Grid, Volume, Voxels};
+use wgpu::util::DeviceExt as _;
+
+/// Bytes uploaded at a time: what the driver holds twice while it copies.
+const SLAB_BYTES: usize = 8 << 20;
+
+/// A volume on the device, shared by all who draw it.
+pub type SharedVolume = Arc<VolumeOnDevice>;
+
+/// The channels of a volume as 3-D textures in the precision of the file, with the cells of each.
+#[derive(Debug)]
+pub struct VolumeOnDevice {
+    grid: Grid,
+    pub(crate) channels: Vec<ChannelOnDevice>,
+}
+
+/// One channel.
+#[derive(Debug)]
+pub(crate) struct ChannelOnDevice {
+    pub(crate) cells: CellRanges,
+    pub(crate) bind_group: wgpu::BindGroup,
+    /// value = raw · value_scale + value_offset, raw as the texture gives it.
+    pub(crate) value_scale: f64,
+    pub(crate) value_offset: f64,
+}
+
+impl VolumeOnDevice {
+    /// Uploads a volume slab by slab; `progress` is told the part done, 0 to 1. The host's copy is not needed
+    /// afterwards.
+    ///
+    /// # Errors
+    /// If the volume is larger than a texture may be, or the device has no room.
+    pub fn upload(gpu: &Gpu, volume: &Volume, mut progress: impl FnMut(f64)) -> Result<Self, RenderError> {
+        let grid = volume.grid().clone();
+        let max = gpu.longest_volume_axis();
+        if grid.dims().iter().any(|&d| d > max) {
+            return Err(RenderError::VolumeTooLarge { dims: grid.dims(), max });
+        }
+        let count = volume.channels().len() as f64;
+        let channels = volume
+            .channels()
+            .iter()
+            .enumerate()
+            .map(|(i, channel)| {
+                ChannelOnDevice::upload(gpu, channel, &grid, |part| progress((i as f64 + part) / count))
+            })
+            .collect::<Result<_, _>>()?;
+        Ok(Self { grid, channels })
+    }
+
+    /// The volume's grid.
+    #[must_use]
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+}
+
+impl ChannelOnDevice {
+    fn upload(
+        gpu: &Gpu,
+        channel: &Channel,
+        grid: &Grid,
+        mut progress: impl FnMut(f64),
+    ) -> Result<Self, RenderError> {
+        let [width, height, depth] = grid.dims();
+        // How stored numbers reach the shader: unorm formats as a part of their range.
+        let (format, unit, shift) = match &channel.voxels {
+            Voxels::U8(_) => (wgpu::TextureFormat::R8Unorm, 255.0, 0.0),
+            Voxels::U16(_) => (wgpu::TextureFormat::R16Unorm, 65535.0, 0.0),
+            // Signed numbers shifted up: snorm would not tell -32768 from -32767.
+            Voxels::I16(_) => (wgpu::TextureFormat::R16Unorm, 65535.0, -32768.0),
+            Voxels::F32(_) => (wgpu::TextureFormat::R32Float, 1.0, 0.0),
+        };
+        let size = wgpu::Extent3d { width, height, depth_or_array_layers: depth };
+        let texture = gpu.guarded("the volume's texture", || {
+            gpu.device.create_texture(&wgpu::TextureDescriptor {
+                label: Some("volume"),
+                size,
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D3,
+                format,
+                usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+                view_formats: &[],
+            })
+        })?;
+        let voxel_bytes = channel.voxels.voxel_type().bytes();
+        let slice_voxels = width as usize * height as usize;
+        let slices = (SLAB_BYTES / (slice_voxels * voxel_bytes)).clamp(1, depth as usize);
+        let mut shifted = Vec::new();
+        for z in (0..depth as usize).step_by(slices) {
+            let count = slices.min(depth as usize - z);
+            let range = z * slice_voxels..(z + count) * slice_voxels;
+            let bytes: &[u8] = match &channel.voxels {
+                Voxels::I16(v) => {
+                    shifted.clear();
+                    shifted.extend(v[range].iter().map(|&s| (i32::from(s) + 32768) as u16));
+                    bytemuck::cast_slice(&shifted)
+                }
+                other => &other.as_bytes()[range.start * voxel_bytes..range.end * voxel_bytes],
+            };
+            gpu.queue.write_texture(
+                wgpu::TexelCopyTextureInfo {
+                    texture: &texture,
+                    mip_level: 0,
+                    origin: wgpu::Origin3d { x: 0, y: 0, z: z as u32 },
+                    aspect: wgpu::TextureAspect::All,
+                },
+                bytes,
+                wgpu::TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some(width * voxel_bytes as u32),
+                    rows_per_image: Some(height),
+                },
+                wgpu::Extent3d { width, height, depth_or_array_layers: count as u32 },
+            );
+            // Sent and waited for, so that only one slab is held twice.
+            gpu.queue.submit([]);
+            gpu.device
+                .poll(wgpu::PollType::wait_indefinitely())
+                .map_err(|e| RenderError::Device { what: "the volume's upload", reason: e.to_string() })?;
+            progress((z + count) as f64 / f64::from(depth));
+        }
+        let cells = CellRanges::of(channel, grid.dims(), filter_slack(channel));
+        let value_scale = channel.slope * unit;
+        let value_offset = channel.slope * shift + channel.intercept;
+        let bind_group = Self::bind(gpu, &texture, &cells)?;
+        Ok(Self { cells, bind_group, value_scale, value_offset })
+    }
+
+    fn bind(gpu: &Gpu, texture: &wgpu::Texture, cells: &CellRanges) -> Result<wgpu::BindGroup, RenderError> {
+        gpu.guarded("the volume's cells", || {
+            let buffer = gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+                label: Some("cells"),
+                contents: bytemuck::cast_slice(&cells.ranges),
+                usage: wgpu::BufferUsages::STORAGE,
+            });
+            let sampler = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
+                label: Some("volume"),
+                mag_filter: wgpu::FilterMode::Linear,
+                min_filter: wgpu::FilterMode::Linear,
+                ..Default::default()
+            });
+            let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+            gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: Some("volume"),
+                layout: &gpu.pipelines.volume_layout,
+                entries: &[
+                    wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(&view) },
+                    wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&sampler) },
+                    wgpu::BindGroupEntry { binding: 2, resource: buffer.as_entire_binding() },
+                ],
+            })
+        })
+    }
+}
+
+/// How far, in stored units, the filter may come to lie outside the eight voxels that it interpolates. Software drivers
+/// filter 8-bit textures in 8-bit arithmetic and round by up to a unit (measured: 209 becomes 210 between voxels of at
+/// most 209); other formats go through float32.
+fn filter_slack(channel: &Channel) -> f64 {
+    const FLOAT_ROUNDING: f64 = 1.0e-6;
+    match &channel.voxels {
+        Voxels::U8(_) => 3.0,
+        Voxels::I16(_) | Voxels::U16(_) => 65535.0 * FLOAT_ROUNDING,
+        Voxels::F32(v) => {
+            f64::from(v.iter().filter(|s| s.is_finite()).fold(0.0f32, |a, s| a.max(s.abs()))) * FLOAT_ROUNDING
+        }
+    }
+}

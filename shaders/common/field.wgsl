@@ -1,0 +1,84 @@
+// The field: values and gradients of the volume, and the cells that hold nothing to be seen.
+
+// Interpolate in float32 from eight fetched voxels instead of trusting the filtering unit.
+override EXACT_FILTER: bool = false;
+
+@group(1) @binding(0) var voxels: texture_3d<f32>;
+@group(1) @binding(1) var voxel_sampler: sampler;
+// Lowest and highest value in each cell of 8 voxels and a border voxel.
+@group(1) @binding(2) var<storage, read> cell_range: array<vec2<f32>>;
+
+const CELL: f32 = 8.0;
+// How near the border of a cell, in voxels, a sample is held to be outside: more than float32 can err by.
+const CELL_MARGIN: f32 = 1.0e-3;
+
+fn fetched(p: vec3<i32>) -> f32 {
+    return textureLoad(voxels, p, 0).r;
+}
+
+// The stored value at a point, before slope and intercept.
+fn raw_at(p: vec3<f32>) -> f32 {
+    if (!EXACT_FILTER) {
+        return textureSampleLevel(voxels, voxel_sampler, (p + 0.5) / frame.dims, 0.0).r;
+    }
+    let q = clamp(p, vec3<f32>(0.0), frame.dims - 1.0);
+    let low = floor(q);
+    let f = q - low;
+    let a = vec3<i32>(low);
+    let b = min(a + 1, vec3<i32>(frame.dims) - 1);
+    let x00 = mix(fetched(vec3<i32>(a.x, a.y, a.z)), fetched(vec3<i32>(b.x, a.y, a.z)), f.x);
+    let x10 = mix(fetched(vec3<i32>(a.x, b.y, a.z)), fetched(vec3<i32>(b.x, b.y, a.z)), f.x);
+    let x01 = mix(fetched(vec3<i32>(a.x, a.y, b.z)), fetched(vec3<i32>(b.x, a.y, b.z)), f.x);
+    let x11 = mix(fetched(vec3<i32>(a.x, b.y, b.z)), fetched(vec3<i32>(b.x, b.y, b.z)), f.x);
+    return mix(mix(x00, x10, f.y), mix(x01, x11, f.y), f.z);
+}
+
+fn value_at(p: vec3<f32>) -> f32 {
+    return raw_at(p) * frame.value_scale + frame.value_offset;
+}
+
+// Cosine between the gradient and the ray, both in millimetres; 0 where there is no gradient.
+fn facing(p: vec3<f32>, direction_mm: vec3<f32>) -> f32 {
+    let g = vec3<f32>(
+        raw_at(p + vec3<f32>(1.0, 0.0, 0.0)) - raw_at(p - vec3<f32>(1.0, 0.0, 0.0)),
+        raw_at(p + vec3<f32>(0.0, 1.0, 0.0)) - raw_at(p - vec3<f32>(0.0, 1.0, 0.0)),
+        raw_at(p + vec3<f32>(0.0, 0.0, 1.0)) - raw_at(p - vec3<f32>(0.0, 0.0, 1.0)),
+    );
+    let strongest = max(max(abs(g.x), abs(g.y)), abs(g.z));
+    if (!(strongest > 0.0)) {
+        return 0.0;
+    }
+    // Scaled first: the squares of differences of a float volume may be too small for float32.
+    let n = (g / strongest) * mat3x3<f32>(frame.gradient_x, frame.gradient_y, frame.gradient_z);
+    let length_squared = dot(n, n);
+    if (!(length_squared > 0.0)) {
+        return 0.0;
+    }
+    return min(abs(dot(n, direction_mm)) * inverseSqrt(length_squared), 1.0);
+}
+
+fn lit(color: vec3<f32>, cosine: f32) -> vec3<f32> {
+    var mirrored = 0.0;
+    if (cosine > 0.0) {
+        mirrored = frame.light.z * pow(cosine, frame.light.w);
+    }
+    return color * (frame.light.x + frame.light.y * cosine) + vec3<f32>(mirrored);
+}
+
+fn cell_of(p: vec3<f32>) -> vec3<i32> {
+    return clamp(vec3<i32>(floor(p / CELL)), vec3<i32>(0), vec3<i32>(frame.cells) - 1);
+}
+
+fn cell_index(cell: vec3<i32>) -> u32 {
+    let c = vec3<u32>(cell);
+    return (c.z * frame.cells.y + c.y) * frame.cells.x + c.x;
+}
+
+// Millimetres from p along the ray to where it leaves the block of cells within `reach` of `cell`.
+fn way_out(p: vec3<f32>, cell: vec3<i32>, reach: i32, per_mm: vec3<f32>, mm_per: vec3<f32>) -> f32 {
+    let low = vec3<f32>(cell - reach) * CELL + CELL_MARGIN;
+    let high = vec3<f32>(cell + reach + 1) * CELL - CELL_MARGIN;
+    let ahead = select(low, high, per_mm > vec3<f32>(0.0));
+    let away = (ahead - p) * mm_per;
+    return min(min(away.x, away.y), away.z);
+}

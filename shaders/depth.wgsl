@@ -1,0 +1,51 @@
+// A coarse grid of depths for each eye, so that a headset can shift a late picture: millimetres of room, as 16 bits,
+// 0 where nothing is seen.
+
+@group(1) @binding(0) var<storage, read> depth_mm: array<f32>;
+@group(1) @binding(1) var<storage, read> picture: array<vec4<f32>>;
+@group(1) @binding(2) var<storage, read_write> grid: array<u32>;
+
+// Rays looked at across a cell of the grid, each way.
+const PROBES: u32 = 8u;
+
+fn cell_depth(eye: u32, column: u32, row: u32) -> u32 {
+    let begin = vec2<u32>(column, row) * frame.render_size / vec2<u32>(frame.depth_columns, frame.depth_rows);
+    let end = vec2<u32>(column + 1u, row + 1u) * frame.render_size / vec2<u32>(frame.depth_columns, frame.depth_rows);
+    let size = max(end - min(begin, end), vec2<u32>(1u));
+    var sum = 0.0;
+    var weight = 0.0;
+    for (var k = 0u; k < PROBES * PROBES; k += 1u) {
+        let offset = vec2<u32>(k % PROBES, k / PROBES) * size / PROBES;
+        let pixel = min(begin + offset, frame.render_size - 1u);
+        let place = (eye * frame.render_size.y + pixel.y) * frame.render_size.x + pixel.x;
+        if (depth_mm[place] > 0.0) {
+            let w = picture[place].a;
+            sum += w * depth_mm[place];
+            weight += w;
+        }
+    }
+    if (!(weight > 0.0)) {
+        return 0u;
+    }
+    return u32(clamp(sum / weight * frame.room_mm_per_volume_mm, 1.0, 65535.0));
+}
+
+// Two cells a word.
+@compute @workgroup_size(64)
+fn reduce(@builtin(global_invocation_id) id: vec3<u32>) {
+    let cells_an_eye = frame.depth_columns * frame.depth_rows;
+    let first = id.x * 2u;
+    if (first >= cells_an_eye * frame.eye_count) {
+        return;
+    }
+    var word = 0u;
+    for (var k = 0u; k < 2u; k += 1u) {
+        let cell = first + k;
+        if (cell < cells_an_eye * frame.eye_count) {
+            let inside = cell % cells_an_eye;
+            let depth = cell_depth(cell / cells_an_eye, inside % frame.depth_columns, inside / frame.depth_columns);
+            word |= depth << (16u * k);
+        }
+    }
+    grid[id.x] = word;
+}

@@ -1,0 +1,307 @@
+// One ray a pixel, both eyes in one dispatch: colour multiplied by opacity, opacity, and depth in millimetres.
+// docs/picture.md says what is computed; this says how.
+
+override MODE: u32 = 0u;
+override LIT: bool = false;
+override SKIP: bool = true;
+
+const EMISSION_ABSORPTION: u32 = 0u;
+const THRESHOLD: u32 = 1u;
+const X_RAY: u32 = 2u;
+const MAXIMUM: u32 = 3u;
+const CUMULATED: u32 = 4u;
+
+// Halvings of a step when a crossing is refined: 2^-16 of a step.
+const REFINEMENTS: i32 = 16;
+
+// Cells between a cell and the nearest one with something in it; 0: this one.
+@group(2) @binding(0) var<storage, read> distance_to_seen: array<u32>;
+// Colour (not multiplied) and opacity of one step, by value.
+@group(2) @binding(1) var<storage, read> table: array<vec4<f32>>;
+// Extinction a millimetre, by value: for the one sample that stands for less than a step.
+@group(2) @binding(2) var<storage, read> extinction: array<f32>;
+
+@group(3) @binding(0) var<storage, read_write> picture: array<vec4<f32>>;
+@group(3) @binding(1) var<storage, read_write> depth_mm: array<f32>;
+
+struct Ray {
+    // t is millimetres along the ray from the anchor; the eye lies at t = -eye_distance_mm.
+    anchor: vec3<f32>,
+    per_mm: vec3<f32>,
+    // Its reciprocal, with components that are (nearly) zero held finite.
+    mm_per: vec3<f32>,
+    direction_mm: vec3<f32>,
+    enter_mm: f32,
+    leave_mm: f32,
+    eye_distance_mm: f32,
+}
+
+struct Pixel {
+    // Multiplied by opacity.
+    color: vec3<f32>,
+    opacity: f32,
+    // From the anchor; meaningful if has_depth.
+    depth_mm: f32,
+    has_depth: bool,
+}
+
+fn ray_of(eye: u32, pixel: vec2<u32>) -> Ray {
+    let e = frame.eyes[eye];
+    let xy = (vec2<f32>(pixel) + 0.5) / vec2<f32>(frame.render_size) - 0.5;
+    let direction = e.ray + xy.x * e.ray_dx + xy.y * e.ray_dy;
+    let direction_mm = e.ray_mm + xy.x * e.ray_dx_mm + xy.y * e.ray_dy_mm;
+    let mm = length(direction_mm);
+    var ray: Ray;
+    ray.anchor = e.anchor + e.anchor_depth * (xy.x * e.ray_dx + xy.y * e.ray_dy);
+    ray.per_mm = direction / mm;
+    ray.direction_mm = direction_mm / mm;
+    ray.eye_distance_mm = e.anchor_depth * mm;
+    // A ray parallel to a face never meets it: a huge but finite reciprocal says so without relying on infinity.
+    let least = 1.0e-12 * max(max(abs(ray.per_mm.x), abs(ray.per_mm.y)), abs(ray.per_mm.z));
+    let held = select(ray.per_mm, select(vec3<f32>(-least), vec3<f32>(least), ray.per_mm >= vec3<f32>(0.0)),
+        abs(ray.per_mm) < vec3<f32>(least));
+    ray.mm_per = 1.0 / held;
+    let a = (vec3<f32>(-0.5) - ray.anchor) * ray.mm_per;
+    let b = (frame.dims - 0.5 - ray.anchor) * ray.mm_per;
+    let near = min(a, b);
+    let far = max(a, b);
+    ray.enter_mm = max(max(max(near.x, near.y), near.z), -ray.eye_distance_mm);
+    ray.leave_mm = min(min(far.x, far.y), far.z);
+    return ray;
+}
+
+fn at(ray: Ray, t_mm: f32) -> vec3<f32> {
+    return ray.anchor + ray.per_mm * t_mm;
+}
+
+fn table_position(raw: f32) -> f32 {
+    return clamp(raw * frame.table_scale + frame.table_offset, 0.0, f32(arrayLength(&table) - 1u));
+}
+
+// Colour and opacity of a step, from the table.
+fn optical(raw: f32) -> vec4<f32> {
+    let u = table_position(raw);
+    let i = min(u32(u), arrayLength(&table) - 2u);
+    return mix(table[i], table[i + 1u], u - f32(i));
+}
+
+fn extinction_per_mm(raw: f32) -> f32 {
+    let u = table_position(raw);
+    let i = min(u32(u), arrayLength(&extinction) - 2u);
+    return mix(extinction[i], extinction[i + 1u], u - f32(i));
+}
+
+// How many samples from i on, at step_mm from p, lie where nothing is to be seen; 0 if p itself may be seen.
+fn skippable(ray: Ray, p: vec3<f32>) -> u32 {
+    let cell = cell_of(p);
+    let reach = distance_to_seen[cell_index(cell)];
+    if (reach == 0u) {
+        return 0u;
+    }
+    let out = way_out(p, cell, i32(reach) - 1, ray.per_mm, ray.mm_per);
+    return u32(max(ceil(out / frame.step_mm), 1.0));
+}
+
+fn emission_absorption(ray: Ray) -> Pixel {
+    // Opacity is summed, not taken from a product of transmittances: a thousandth of a fog's step is less than float32
+    // tells from 1.
+    var out = Pixel(vec3<f32>(0.0), 0.0, 0.0, false);
+    let way = ray.leave_mm - ray.enter_mm;
+    let whole = u32(way / frame.step_mm);
+    // The last sample stands for what is left of the way: less than a step.
+    let rest_mm = max(way - f32(whole) * frame.step_mm, 0.0);
+    var i = 0u;
+    loop {
+        let transmittance = 1.0 - out.opacity;
+        if (i > whole || transmittance < frame.least_transmittance) {
+            break;
+        }
+        let is_rest = i == whole;
+        let begin = ray.enter_mm + f32(i) * frame.step_mm;
+        let t = begin + 0.5 * select(frame.step_mm, rest_mm, is_rest);
+        let p = at(ray, t);
+        if (SKIP) {
+            let n = skippable(ray, p);
+            if (n > 0u) {
+                i += n;
+                // The rest stands at its own place, half a shorter step away, so it is always looked at.
+                if (!is_rest) {
+                    i = min(i, whole);
+                }
+                continue;
+            }
+        }
+        i += 1u;
+        let raw = raw_at(p);
+        let o = optical(raw);
+        var opacity = o.a;
+        if (is_rest) {
+            opacity = 1.0 - exp(-extinction_per_mm(raw) * rest_mm);
+        }
+        if (opacity > 0.0) {
+            var color = o.rgb;
+            if (LIT) {
+                color = lit(color, facing(p, ray.direction_mm));
+            }
+            out.color += transmittance * opacity * color;
+            out.opacity += transmittance * opacity;
+            if (!out.has_depth && out.opacity >= 0.5) {
+                // Within the step light falls exponentially.
+                let after = max(1.0 - out.opacity, 1.0e-30);
+                let part = clamp(log(2.0 * transmittance) / log(transmittance / after), 0.0, 1.0);
+                out.depth_mm = begin + part * select(frame.step_mm, rest_mm, is_rest);
+                out.has_depth = true;
+            }
+        }
+    }
+    return out;
+}
+
+// Where the value first reaches the threshold; has_depth says whether it does.
+fn first_crossing(ray: Ray) -> Pixel {
+    var out = Pixel(vec3<f32>(0.0), 0.0, 0.0, false);
+    let way = ray.leave_mm - ray.enter_mm;
+    let last = u32(ceil(way / frame.step_mm));
+    var i = 0u;
+    var before_mm = ray.enter_mm;
+    loop {
+        if (i > last) {
+            break;
+        }
+        let t = min(ray.enter_mm + f32(i) * frame.step_mm, ray.leave_mm);
+        let p = at(ray, t);
+        if (SKIP) {
+            let n = skippable(ray, p);
+            if (n > 0u) {
+                before_mm = t;
+                // The end of the way is always looked at: it is not on the lattice.
+                i = select(min(i + n, last), last + 1u, i == last);
+                // All samples passed over are below the threshold: the last of them bounds the crossing.
+                if (i <= last) {
+                    before_mm = ray.enter_mm + f32(i - 1u) * frame.step_mm;
+                }
+                continue;
+            }
+        }
+        if (value_at(p) >= frame.threshold) {
+            var low = before_mm;
+            var high = t;
+            for (var k = 0; k < REFINEMENTS; k += 1) {
+                let middle = 0.5 * (low + high);
+                if (value_at(at(ray, middle)) >= frame.threshold) {
+                    high = middle;
+                } else {
+                    low = middle;
+                }
+            }
+            out.depth_mm = high;
+            out.has_depth = true;
+            out.opacity = frame.surface_opacity;
+            out.color = lit(frame.surface_color, facing(at(ray, high), ray.direction_mm)) * out.opacity;
+            return out;
+        }
+        before_mm = t;
+        i += 1u;
+    }
+    return out;
+}
+
+fn x_ray(ray: Ray) -> Pixel {
+    let way = ray.leave_mm - ray.enter_mm;
+    // Equal steps, no longer than asked for, so that the mean needs no weights.
+    let n = max(ceil(way / frame.step_mm), 1.0);
+    let step = way / n;
+    // Two sums: a float32 sum of 100 000 terms alone would lose the digits of each.
+    var sum = 0.0;
+    var part = 0.0;
+    for (var i = 0u; i < u32(n); i += 1u) {
+        part += raw_at(at(ray, ray.enter_mm + (f32(i) + 0.5) * step));
+        if ((i & 255u) == 255u) {
+            sum += part;
+            part = 0.0;
+        }
+    }
+    let mean = (sum + part) / n * frame.value_scale + frame.value_offset;
+    let grey = clamp((mean - frame.window_low) * frame.window_per_value, 0.0, 1.0);
+    return Pixel(vec3<f32>(grey), grey, 0.5 * (ray.enter_mm + ray.leave_mm), true);
+}
+
+fn maximum(ray: Ray) -> Pixel {
+    let way = ray.leave_mm - ray.enter_mm;
+    let last = u32(ceil(way / frame.step_mm));
+    var best = value_at(at(ray, ray.enter_mm));
+    var best_mm = ray.enter_mm;
+    var i = 1u;
+    loop {
+        if (i > last) {
+            break;
+        }
+        let t = min(ray.enter_mm + f32(i) * frame.step_mm, ray.leave_mm);
+        let p = at(ray, t);
+        if (SKIP) {
+            let cell = cell_of(p);
+            if (cell_range[cell_index(cell)].y <= best) {
+                let out = way_out(p, cell, 0, ray.per_mm, ray.mm_per);
+                let n = u32(max(ceil(out / frame.step_mm), 1.0));
+                i = select(min(i + n, last), last + 1u, i == last);
+                continue;
+            }
+        }
+        let value = value_at(p);
+        if (value > best) {
+            best = value;
+            best_mm = t;
+        }
+        i += 1u;
+    }
+    // The table's opacity is that of the transfer function itself in this mode.
+    let raw = (best - frame.value_offset) / frame.value_scale;
+    let o = optical(raw);
+    return Pixel(o.rgb * o.a, o.a, best_mm, true);
+}
+
+fn cumulated(ray: Ray) -> Pixel {
+    var out = first_crossing(ray);
+    let behind = x_ray(ray);
+    out.color += (1.0 - out.opacity) * behind.color;
+    out.opacity += (1.0 - out.opacity) * behind.opacity;
+    if (!out.has_depth) {
+        out.depth_mm = behind.depth_mm;
+        out.has_depth = true;
+    }
+    return out;
+}
+
+// The 64 invocations of a group as 8 blocks of 4 by 2 pixels: what runs in step looks at neighbouring rays.
+fn pixel_in_group(index: u32) -> vec2<u32> {
+    let block = index >> 3u;
+    let inside = index & 7u;
+    return vec2<u32>((block & 1u) * 4u + (inside & 3u), (block >> 1u) * 2u + (inside >> 2u));
+}
+
+@compute @workgroup_size(64)
+fn raycast(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) index: u32) {
+    let pixel = group.xy * 8u + pixel_in_group(index);
+    let eye = group.z;
+    if (pixel.x >= frame.render_size.x || pixel.y >= frame.render_size.y) {
+        return;
+    }
+    let ray = ray_of(eye, pixel);
+    var out = Pixel(vec3<f32>(0.0), 0.0, 0.0, false);
+    if (ray.leave_mm > ray.enter_mm) {
+        if (MODE == EMISSION_ABSORPTION) {
+            out = emission_absorption(ray);
+        } else if (MODE == THRESHOLD) {
+            out = first_crossing(ray);
+        } else if (MODE == X_RAY) {
+            out = x_ray(ray);
+        } else if (MODE == MAXIMUM) {
+            out = maximum(ray);
+        } else {
+            out = cumulated(ray);
+        }
+    }
+    let place = (eye * frame.render_size.y + pixel.y) * frame.render_size.x + pixel.x;
+    picture[place] = vec4<f32>(out.color, out.opacity);
+    depth_mm[place] = select(0.0, max(out.depth_mm + ray.eye_distance_mm, 1.0e-30), out.has_depth);
+}
