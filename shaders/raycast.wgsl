@@ -3,6 +3,7 @@
 
 override MODE: u32 = 0u;
 override LIT: bool = false;
+// Whether some cells are empty.
 override SKIP: bool = true;
 
 const EMISSION_ABSORPTION: u32 = 0u;
@@ -94,7 +95,7 @@ fn extinction_per_mm(raw: f32) -> f32 {
 // How many samples from i on, at step_mm from p, lie where nothing is to be seen; 0 if p itself may be seen.
 fn skippable(ray: Ray, p: vec3<f32>) -> u32 {
     let cell = cell_of(p);
-    let reach = distance_to_seen[cell_index(cell)];
+    let reach = distance_to_seen[cell_index(cell)] * frame.skip_empty;
     if (reach == 0u) {
         return 0u;
     }
@@ -240,7 +241,7 @@ fn maximum(ray: Ray) -> Pixel {
         let p = at(ray, t);
         if (SKIP) {
             let cell = cell_of(p);
-            if (cell_range[cell_index(cell)].y <= best) {
+            if (frame.skip_empty != 0u && cell_range[cell_index(cell)].y <= best) {
                 let out = way_out(p, cell, 0, ray.per_mm, ray.mm_per);
                 let n = u32(max(ceil(out / frame.step_mm), 1.0));
                 i = select(min(i + n, last), last + 1u, i == last);

@@ -53,6 +53,8 @@ struct Frame {
     room_mm_per_volume_mm: f32,
     depth_columns: u32,
     depth_rows: u32,
+    // 1, or 0 to look at every sample although cells are empty: the same pipeline, so that the same bits come out.
+    skip_empty: u32,
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;

@@ -157,6 +157,7 @@ impl StereoPlan {
             room_mm_per_volume_mm: placed.room_mm_per_volume_mm as f32,
             depth_columns: depth_grid.columns,
             depth_rows: depth_grid.rows,
+            skip_empty: u32::from(quality.skip_empty),
             ..numbers.frame
         };
         let mm_from_index = grid.volume_from_index().matrix3;
@@ -167,8 +168,7 @@ impl StereoPlan {
         let features = Features {
             mode: numbers.mode,
             lit: numbers.lit && numbers.mode == Mode::EmissionAbsorption,
-            // The mean of a ray needs all of it.
-            skip: quality.skip_empty && numbers.mode != Mode::XRay,
+            skip: numbers.has_empty_cells,
             exact_filter: quality.sampling == crate::Sampling::Float32,
         };
         Ok(Self {
@@ -294,7 +294,12 @@ mod tests {
     use spatial::{Fov, HeadGeometry, Pose};
 
     fn numbers() -> SceneNumbers {
-        SceneNumbers { mode: Mode::EmissionAbsorption, lit: false, frame: GpuFrame::default() }
+        SceneNumbers {
+            mode: Mode::EmissionAbsorption,
+            lit: false,
+            has_empty_cells: true,
+            frame: GpuFrame::default(),
+        }
     }
 
     fn request(eyes: &[EyeView], grid: &Grid) -> StereoPlan {

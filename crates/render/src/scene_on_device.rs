@@ -18,6 +18,8 @@ const TABLES_KEPT: usize = 16;
 pub struct SceneNumbers {
     pub(crate) mode: Mode,
     pub(crate) lit: bool,
+    /// Whether skipping can bring something; the mean of a ray needs all of it.
+    pub(crate) has_empty_cells: bool,
     pub(crate) frame: GpuFrame,
 }
 
@@ -58,6 +60,11 @@ impl SceneOnDevice {
             }
             Mode::XRay | Mode::Maximum => vec![0],
         };
+        let has_empty_cells = match scene.mode {
+            Mode::XRay => false,
+            Mode::Maximum => true,
+            _ => distances.iter().any(|&d| d > 0),
+        };
         let buffer = |label, contents: &[u8]| {
             gpu.guarded("the scene's tables", || {
                 let usage = wgpu::BufferUsages::STORAGE;
@@ -70,7 +77,8 @@ impl SceneOnDevice {
         };
         let distances = buffer("distance to seen", bytemuck::cast_slice(&distances))?;
         let extinction = buffer("extinction", bytemuck::cast_slice(&extinction_table(scene, domain)))?;
-        let numbers = numbers(scene, domain, channel.value_scale, channel.value_offset);
+        let frame = frame_numbers(scene, domain, channel.value_scale, channel.value_offset);
+        let numbers = SceneNumbers { mode: scene.mode, lit: scene.light.is_some(), has_empty_cells, frame };
         Ok(Self {
             scene: scene.clone(),
             gpu: gpu.clone(),
@@ -140,26 +148,22 @@ impl SceneOnDevice {
     }
 }
 
-fn numbers(scene: &Scene, domain: TableDomain, value_scale: f64, value_offset: f64) -> SceneNumbers {
+fn frame_numbers(scene: &Scene, domain: TableDomain, value_scale: f64, value_offset: f64) -> GpuFrame {
     let rgb = |c: [f64; 3]| c.map(|x| x as f32);
     let light = scene.light.unwrap_or_default();
     let (table_scale, table_offset) = domain.raw_to_position(value_scale, value_offset);
-    SceneNumbers {
-        mode: scene.mode,
-        lit: scene.light.is_some(),
-        frame: GpuFrame {
-            value_scale: value_scale as f32,
-            value_offset: value_offset as f32,
-            table_scale: table_scale as f32,
-            table_offset: table_offset as f32,
-            threshold: scene.threshold as f32,
-            light: [light.ambient, light.diffuse, light.specular, light.power].map(|x| x as f32),
-            surface_color: rgb(scene.surface_color),
-            surface_opacity: scene.surface_opacity as f32,
-            background: rgb(scene.background),
-            window_low: scene.window.low as f32,
-            window_per_value: (1.0 / (scene.window.high - scene.window.low)) as f32,
-            ..GpuFrame::default()
-        },
+    GpuFrame {
+        value_scale: value_scale as f32,
+        value_offset: value_offset as f32,
+        table_scale: table_scale as f32,
+        table_offset: table_offset as f32,
+        threshold: scene.threshold as f32,
+        light: [light.ambient, light.diffuse, light.specular, light.power].map(|x| x as f32),
+        surface_color: rgb(scene.surface_color),
+        surface_opacity: scene.surface_opacity as f32,
+        background: rgb(scene.background),
+        window_low: scene.window.low as f32,
+        window_per_value: (1.0 / (scene.window.high - scene.window.low)) as f32,
+        ..GpuFrame::default()
     }
 }

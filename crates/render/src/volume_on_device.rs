@@ -162,12 +162,11 @@ impl ChannelOnDevice {
 }
 
 /// How far, in stored units, the filter may come to lie outside the eight voxels that it interpolates. Software drivers
-/// filter 8-bit textures in 8-bit arithmetic and round by up to a unit (measured: 209 becomes 210 between voxels of at
-/// most 209); other formats go through float32.
+/// filter 8-bit textures in 8-bit arithmetic, where a unit is the rounding; other formats go through float32.
 fn filter_slack(channel: &Channel) -> f64 {
     const FLOAT_ROUNDING: f64 = 1.0e-6;
     match &channel.voxels {
-        Voxels::U8(_) => 3.0,
+        Voxels::U8(_) => 1.0,
         Voxels::I16(_) | Voxels::U16(_) => 65535.0 * FLOAT_ROUNDING,
         Voxels::F32(v) => {
             f64::from(v.iter().filter(|s| s.is_finite()).fold(0.0f32, |a, s| a.max(s.abs()))) * FLOAT_ROUNDING

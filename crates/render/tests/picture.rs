@@ -1,4 +1,5 @@
 //! The picture on the device against closed forms, and against itself.
+#![expect(clippy::unwrap_used, reason = "a test that cannot set itself up has failed")]
 
 use render::{
     DepthGridSize, FrameRenderer, Gpu, Placed, Quality, Sampling, SceneOnDevice, StereoPlan, StereoRequest,
