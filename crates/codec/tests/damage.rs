@@ -8,7 +8,8 @@ use common::{encoder, moving_yuv, psnr_db};
 /// A key frame and a few that follow it.
 fn stream() -> Vec<Vec<u8>> {
     let mut encoder = encoder(160, 90, 2_000_000);
-    (0..4).map(|frame| encoder.encode(moving_yuv(160, 90, frame).as_frame(), false).unwrap().bytes).collect()
+    let mut encode = |frame| encoder.encode(moving_yuv(160, 90, frame).as_frame(), false);
+    (0..4).map(|frame| encode(frame).expect("the picture has the encoder's size").bytes).collect()
 }
 
 /// A small deterministic generator: the damage is the same in every run.

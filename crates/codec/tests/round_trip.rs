@@ -180,7 +180,7 @@ fn noisy(frame: u32) -> YuvPicture {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         *value = value.saturating_add((state >> 27) as u8);
     }
-    YuvPicture::from_rgb8(640, 180, &rgb).unwrap()
+    YuvPicture::from_rgb8(640, 180, &rgb).expect("the sides are even")
 }
 
 #[test]
