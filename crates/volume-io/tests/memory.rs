@@ -11,10 +11,10 @@ use volume_io::{LoadOptions, load};
 /// Voxels of the volume.
 const SIDE: i16 = 400;
 
-/// Highest resident memory of this process so far, in bytes.
-fn highest() -> usize {
+/// A figure of this process's memory, in bytes: `VmRSS:` is resident now, `VmHWM:` was at the highest.
+fn memory(figure: &str) -> usize {
     let status = std::fs::read_to_string("/proc/self/status").unwrap();
-    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:")).unwrap();
+    let line = status.lines().find_map(|l| l.strip_prefix(figure)).unwrap();
     line.trim().trim_end_matches(" kB").parse::<usize>().unwrap() * 1024
 }
 
@@ -26,7 +26,8 @@ fn the_peak_stays_within_1_3_times_the_voxels() {
     let folder = tempfile::tempdir().unwrap();
     let count = usize::from(SIDE.unsigned_abs()).pow(3);
 
-    // Hounsfield units, of which the last does not fit int16: the widest detour, from int16 to float32, at the end.
+    // Hounsfield units; then the last one does not fit int16: the widest detour, from int16 to float32, at the end.
+    // The larger volume comes second, so that the highest is its own.
     for (last, expected) in [(2000i32, VoxelType::I16), (1 << 20, VoxelType::F32)] {
         let path = folder.path().join("scan.nii.gz");
         let mut file = GzEncoder::new(std::fs::File::create(&path).unwrap(), Compression::fast());
@@ -42,9 +43,9 @@ fn the_peak_stays_within_1_3_times_the_voxels() {
         }
         file.finish().unwrap();
 
-        let before = highest();
+        let before = memory("VmRSS:");
         let loaded = load(&path, &LoadOptions::default()).unwrap();
-        let (peak, held) = (highest() - before, loaded.volume.sample_bytes());
+        let (peak, held) = (memory("VmHWM:") - before, loaded.volume.sample_bytes());
         assert_eq!(loaded.volume.channels()[0].voxels.voxel_type(), expected);
         println!("{expected:?}: {peak} bytes at the peak for {held} bytes of voxels");
         assert!(peak as f64 <= 1.3 * held as f64, "{expected:?}: {peak} for {held}");

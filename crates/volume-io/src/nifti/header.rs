@@ -275,3 +275,42 @@ impl Fields<'_> {
         u64::from_le_bytes(self.number(at))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The `nifti` crate reads version 1 only; there it must agree.
+    #[test]
+    fn fields_agree_with_the_nifti_crate() {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixtures/nifti");
+        let mut compared = 0;
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            let Ok(theirs) = nifti::NiftiHeader::from_file(&path) else { continue };
+            let mut bytes = std::fs::read(&path).unwrap();
+            if bytes.starts_with(&[0x1f, 0x8b]) {
+                let mut unpacked = Vec::new();
+                flate2::read::GzDecoder::new(&bytes[..]).read_to_end(&mut unpacked).unwrap();
+                bytes = unpacked;
+            }
+            let ours = Header::read("test", &mut &bytes[..], false).unwrap();
+            assert_eq!(ours.dim, theirs.dim.map(|d| i64::from(d as i16)));
+            assert_eq!(ours.pixdim, theirs.pixdim.map(f64::from));
+            let codes = [ours.datatype, ours.bitpix, ours.intent_code, ours.qform_code, ours.sform_code];
+            let theirs_codes =
+                [theirs.datatype, theirs.bitpix, theirs.intent_code, theirs.qform_code, theirs.sform_code];
+            assert_eq!(codes, theirs_codes.map(i64::from));
+            assert_eq!(ours.xyzt_units, i64::from(theirs.xyzt_units));
+            let numbers = [ours.vox_offset, ours.scl_slope, ours.scl_inter];
+            assert_eq!(numbers, [theirs.vox_offset, theirs.scl_slope, theirs.scl_inter].map(f64::from));
+            assert_eq!(ours.srow, [theirs.srow_x, theirs.srow_y, theirs.srow_z].map(|r| r.map(f64::from)));
+            let (b, c, d) = (theirs.quatern_b, theirs.quatern_c, theirs.quatern_d);
+            assert_eq!(ours.quatern, [b, c, d].map(f64::from));
+            let (x, y, z) = (theirs.quatern_x, theirs.quatern_y, theirs.quatern_z);
+            assert_eq!(ours.qoffset, [x, y, z].map(f64::from));
+            compared += 1;
+        }
+        assert_eq!(compared, 13);
+    }
+}

@@ -87,3 +87,28 @@ proptest! {
         survives("a.json", &header, &[("a.raw", &[0; 16])]);
     }
 }
+
+#[test]
+fn the_seeds_of_the_fuzz_target_are_volumes() {
+    // They are split as in `fuzz/fuzz_targets/volume_load.rs`.
+    const SEPARATOR: &[u8] = b"\n--beside--\n";
+    let corpus = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/volume_load");
+    let mut seeds = 0;
+    for entry in std::fs::read_dir(corpus).unwrap() {
+        let path = entry.unwrap().path();
+        // What a fuzzer finds is named by its hash and need not be a volume.
+        if path.file_name().unwrap().len() == 40 {
+            continue;
+        }
+        let seed = std::fs::read(&path).unwrap();
+        let at = seed.windows(SEPARATOR.len()).position(|w| w == SEPARATOR);
+        let (file, beside) =
+            at.map_or((&seed[..], &[][..]), |at| (&seed[..at], &seed[at + SEPARATOR.len()..]));
+        let (name, other) =
+            if file.starts_with(b"\x89PNG") { ("a.png", "a.json") } else { ("a.json", "a.raw") };
+        let loaded = load_parts(name, file, &[(other, beside)], &LoadOptions::default());
+        assert!(loaded.is_ok(), "{}: {}", path.display(), loaded.unwrap_err());
+        seeds += 1;
+    }
+    assert_eq!(seeds, 24);
+}
