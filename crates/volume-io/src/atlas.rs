@@ -82,35 +82,15 @@ pub(crate) fn load(source: &Source<'_>, part: Part<'_>, options: &LoadOptions) -
     decoder.set_ignore_iccp_chunk(true);
     let damaged = |e: DecodingError| damaged(file, &e);
     let info = decoder.read_header_info().map_err(damaged)?;
-    let found_px = [info.width as usize, info.height as usize];
-    let (color, depth, interlaced) = (info.color_type, info.bit_depth, info.interlaced);
-    tiling.check_picture(file, found_px)?;
-    let components: &[Component] = match color {
-        ColorType::Grayscale => &[Component::R],
-        ColorType::GrayscaleAlpha => &[Component::R, Component::A],
-        ColorType::Rgb => &[Component::R, Component::G, Component::B],
-        ColorType::Rgba => &[Component::R, Component::G, Component::B, Component::A],
-        ColorType::Indexed => {
-            return Err(LoadError::field(file, "colour type", "grey, RGB or RGBA", "a palette"));
-        }
-    };
-    if interlaced {
-        return Err(LoadError::field(file, "interlacing", "none", "Adam7"));
-    }
+    tiling.check_picture(file, [info.width, info.height])?;
+    let (components, sample_bytes) = pixels(file, info)?;
     let wanted = wanted(&said_by, &json, components)?;
 
-    let sample_bytes: u64 = match depth {
-        BitDepth::Eight => 1,
-        BitDepth::Sixteen => 2,
-        fewer => {
-            let found = format!("{} bits", fewer as u8);
-            return Err(LoadError::field(file, "bit depth", "8 or 16 bits", &found));
-        }
-    };
     // Axes of 15 bits, 4 channels, 2 bytes: no product overflows 64 bits.
     let voxels = (tiling.slice_px() * tiling.slices) as u64;
     options.check_size(file, u128::from(voxels * wanted.len() as u64 * sample_bytes))?;
-    let picture_bytes = (found_px[0] * found_px[1] * components.len()) as u64 * sample_bytes;
+    let tiles = (tiling.columns * tiling.rows) as u64;
+    let picture_bytes = tiling.slice_px() as u64 * tiles * components.len() as u64 * sample_bytes;
     if length.saturating_mul(MOST_EXPANSION) < picture_bytes {
         return Err(LoadError::Truncated {
             file: file.to_owned(),
@@ -123,7 +103,7 @@ pub(crate) fn load(source: &Source<'_>, part: Part<'_>, options: &LoadOptions) -
     let mut reader = decoder.read_info().map_err(damaged)?;
     let mut picture = Picture { file, options, reader: &mut reader, tiling, components: components.len() };
     let collapse = json.channels.is_none();
-    let mut channels = if depth == BitDepth::Eight {
+    let mut channels = if sample_bytes == 1 {
         picture.planes::<u8>(&wanted, collapse)?.into_channels(wanted, Voxels::U8)
     } else {
         picture.planes::<u16>(&wanted, collapse)?.into_channels(wanted, Voxels::U16)
@@ -182,10 +162,10 @@ impl Tiling {
         self.tile_px[0] * self.tile_px[1]
     }
 
-    fn check_picture(&self, file: &str, found_px: [usize; 2]) -> Result<(), LoadError> {
+    fn check_picture(&self, file: &str, found_px: [u32; 2]) -> Result<(), LoadError> {
         let Self { columns, rows, tile_px: [width, height], .. } = *self;
         let [expected_width, expected_height] = [columns * width, rows * height];
-        if found_px == [expected_width, expected_height] {
+        if found_px.map(|n| n as usize) == [expected_width, expected_height] {
             return Ok(());
         }
         let expected = format!(
@@ -193,6 +173,30 @@ impl Tiling {
         );
         let found = format!("{} × {} px", found_px[0], found_px[1]);
         Err(LoadError::field(file, "size of the atlas", expected, &found))
+    }
+}
+
+/// The components of a pixel and the bytes of each, if the picture is of a kind that is read.
+fn pixels(file: &str, info: &png::Info<'_>) -> Result<(&'static [Component], u64), LoadError> {
+    if info.interlaced {
+        return Err(LoadError::field(file, "interlacing", "none", "Adam7"));
+    }
+    let components: &[Component] = match info.color_type {
+        ColorType::Grayscale => &[Component::R],
+        ColorType::GrayscaleAlpha => &[Component::R, Component::A],
+        ColorType::Rgb => &[Component::R, Component::G, Component::B],
+        ColorType::Rgba => &[Component::R, Component::G, Component::B, Component::A],
+        ColorType::Indexed => {
+            return Err(LoadError::field(file, "colour type", "grey, RGB or RGBA", "a palette"));
+        }
+    };
+    match info.bit_depth {
+        BitDepth::Eight => Ok((components, 1)),
+        BitDepth::Sixteen => Ok((components, 2)),
+        fewer => {
+            let found = format!("{} bits", fewer as u8);
+            Err(LoadError::field(file, "bit depth", "8 or 16 bits", &found))
+        }
     }
 }
 
@@ -281,20 +285,25 @@ impl<R: std::io::BufRead + std::io::Seek> Picture<'_, R> {
                 }
             })?;
             let row = row.data();
+            let (tile_row, y_in_tile) = (y / height, y % height);
             if all_equal && !row.chunks_exact(pixel_bytes).all(T::components_equal) {
                 all_equal = false;
                 for _ in 1..wanted.len() {
                     let mut plane = zeroed(self.file, count)?;
                     // What came before this row was equal in all components.
-                    plane.copy_from_slice(&planes[0]);
+                    let so_far = count.min((tile_row + 1) * columns * width * height);
+                    plane[..so_far].copy_from_slice(&planes[0][..so_far]);
                     planes.push(plane);
                 }
             }
-            let (tile_row, y_in_tile) = (y / height, y % height);
             for (column, pixels) in row.chunks_exact(width * pixel_bytes).enumerate() {
                 let slice = tile_row * columns + column;
                 if slice >= slices {
                     break;
+                }
+                if pixels.iter().all(|b| *b == 0) {
+                    // Zero already: tiles that are not in use take no memory.
+                    continue;
                 }
                 let start = (slice * height + y_in_tile) * width;
                 for (plane, (component, _)) in planes.iter_mut().zip(wanted) {
