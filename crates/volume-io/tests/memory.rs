@@ -1,6 +1,6 @@
 //! Memory at its highest while a volume is loaded. Alone in its process, since the system counts for all threads.
 #![cfg(target_os = "linux")]
-#![expect(clippy::unwrap_used, reason = "helpers of tests fail by panicking")]
+#![expect(clippy::unwrap_used, reason = "functions that tests share fail by panicking")]
 
 use flate2::Compression;
 use flate2::write::GzEncoder;

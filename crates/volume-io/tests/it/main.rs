@@ -2,7 +2,7 @@
 #![expect(
     clippy::unwrap_used,
     clippy::print_stdout,
-    reason = "helpers of tests fail by panicking, and say what they skip"
+    reason = "functions that tests share fail by panicking, and say what they skip"
 )]
 
 mod atlas;
