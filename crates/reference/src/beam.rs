@@ -171,7 +171,9 @@ impl Piece {
             difference = difference.max((fine - coarse).abs());
         }
         let size = self.color.iter().copied().fold(closed, f64::max);
-        let estimated = if size > 0.0 { size * (200.0 * difference / size).powf(1.5).min(1.0) } else { 0.0 };
+        // (200·difference/size)^1.5, times the size.
+        let apart = if size > 0.0 { 200.0 * difference / size } else { 0.0 };
+        let estimated = size * (apart * apart.sqrt()).min(1.0);
         let known = (self.opacity - closed).abs();
         let error = estimated.max(known);
         if error <= ROUNDING * size.max(left) { 0.0 } else { error }

@@ -101,8 +101,19 @@ impl<'a> Shine<'a> {
 
     fn lit(&self, color: [f64; 3], u: f64) -> [f64; 3] {
         let [x, y, z] = self.gradient.map(|g| g.at(u));
-        self.light.lit(color, cosine(self.along.at(u), (x * x + y * y + z * z).sqrt()))
+        lit(self.light, color, cosine(self.along.at(u), (x * x + y * y + z * z).sqrt()))
     }
+}
+
+/// A colour lit at a cosine k: `c · (ambient + diffuse · k) + specular · kᵖ`.
+pub(crate) fn lit(light: &Headlight, color: [f64; 3], cosine: f64) -> [f64; 3] {
+    let mirrored = match light.power {
+        _ if cosine == 0.0 || light.specular == 0.0 => 0.0,
+        // A whole power by multiplication: a third of all the time is spent here otherwise.
+        p if p.fract() == 0.0 && p.abs() <= 1024.0 => cosine.powi(p as i32),
+        p => cosine.powf(p),
+    };
+    color.map(|c| c * (light.ambient + light.diffuse * cosine) + light.specular * mirrored)
 }
 
 /// The cosine between a gradient and the ray: 0 where there is no gradient.

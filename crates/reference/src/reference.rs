@@ -1,11 +1,11 @@
 //! The exact picture of a scene.
 
-use crate::emission::Emission;
+use crate::emission::{Emission, lit};
 use crate::surface;
 use crate::transfer::Stretches;
 use crate::{Field, Picture, Pixel, Ray, RaySetup, ReferenceError};
 use rayon::prelude::*;
-use scene::{Headlight, Mode, Scene};
+use scene::{Mode, Scene};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use volume::Volume;
 
@@ -24,8 +24,6 @@ pub struct Reference<'a> {
     field: Field<'a>,
     scene: &'a Scene,
     transfer: Stretches,
-    /// The light of emission and absorption, if it depends on the gradient or dims anything.
-    light: Option<Headlight>,
 }
 
 impl<'a> Reference<'a> {
@@ -46,7 +44,6 @@ impl<'a> Reference<'a> {
             field: Field::new(channel, volume.grid()),
             scene,
             transfer: Stretches::of(&scene.transfer),
-            light: scene.light,
         })
     }
 
@@ -102,7 +99,7 @@ impl<'a> Reference<'a> {
     pub(crate) fn seen(&self, field: &Field<'_>, ray: &Ray, depth_at: f64) -> Pixel {
         match self.scene.mode {
             Mode::EmissionAbsorption => {
-                let light = self.light.as_ref();
+                let light = self.scene.light.as_ref();
                 Emission { transfer: &self.transfer, light, depth_at }.pixel(field, ray)
             }
             Mode::Threshold => self.surface(field, ray).unwrap_or(Pixel::NOTHING),
@@ -123,7 +120,7 @@ impl<'a> Reference<'a> {
         let way = ray.inside(field.dims())?;
         let depth_mm = surface::first_at_or_above(field, ray, way, self.scene.threshold)?;
         let light = self.scene.light.unwrap_or_default();
-        let lit = light.lit(self.scene.surface_color, surface::cosine_at(field, ray, depth_mm));
+        let lit = lit(&light, self.scene.surface_color, surface::cosine_at(field, ray, depth_mm));
         let alpha = self.scene.surface_opacity;
         let [r, g, b] = lit.map(|c| c * alpha);
         Some(Pixel { rgba: [r, g, b, alpha], depth_mm: Some(depth_mm) })
