@@ -1,0 +1,6 @@
+//! Two ends on loopback.
+
+mod bounds;
+mod common;
+mod faults;
+mod talk;
