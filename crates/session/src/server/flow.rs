@@ -8,6 +8,12 @@ use wire::{Feedback, MAX_FRAMES_IN_FLIGHT};
 
 /// Longest round trip that is believed.
 const LONGEST_ROUND_TRIP: Duration = Duration::from_secs(2);
+/// Time in which the round trip that counts at most doubles.
+const ROUND_TRIP_DOUBLES_IN: Duration = Duration::from_secs(10);
+/// One frame arrives while the next is made.
+const SMALLEST_WINDOW: usize = 2;
+/// Frames that must be completed, with none late between them, before the window may grow again by one.
+const COMPLETED_BEFORE_GROWTH: u64 = 60;
 /// A peer that was sent nothing for this long has not been stalling meanwhile.
 const PAUSE: Duration = Duration::from_secs(1);
 /// Frames whose fate is remembered after it is known, so that what hangs on them is known too.
@@ -19,8 +25,10 @@ enum State {
     UnderWay,
     /// The headset has it.
     Completed,
-    /// Never sent, or reset, or hanging on one that was: the headset cannot decode it.
-    Undecodable,
+    /// Its stream was reset. It may have been through already: then feedback tells so later.
+    Reset,
+    /// Never sent.
+    Dropped,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -28,8 +36,11 @@ struct Link {
     number: u64,
     depends_on: Option<u64>,
     state: State,
+    /// The headset has it or will, and all that it hangs on.
+    is_decodable: bool,
     sent_at: ServerTime,
     late_at: ServerTime,
+    is_reset_told: bool,
 }
 
 /// What is known of the frames given to the encoder, oldest first.
@@ -43,7 +54,8 @@ pub(super) struct Flow {
     key_frame_patience: Duration,
     refresh_hz: f64,
     links: VecDeque<Link>,
-    reported_round_trip: Option<Duration>,
+    /// The headset's round trip without the queue that the frames themselves make.
+    base_round_trip: Option<(ServerTime, Duration)>,
     shortest_frame_round_trip: Option<Duration>,
     smoothed_frame_round_trip: Option<Duration>,
     newest_feedback: Option<Feedback>,
@@ -54,6 +66,9 @@ pub(super) struct Flow {
     /// The headset has asked for a key frame and none is on its way.
     is_key_frame_asked_for: bool,
     is_recovering: bool,
+    /// What the window may not exceed since frames were late: halved then, and grown again with time.
+    window_limit: usize,
+    completed_since_limit: u64,
     stalled_since: Option<ServerTime>,
 }
 
@@ -71,7 +86,7 @@ impl Flow {
             key_frame_patience: settings.key_frame_patience,
             refresh_hz: 60.0,
             links: VecDeque::new(),
-            reported_round_trip: None,
+            base_round_trip: None,
             shortest_frame_round_trip: None,
             smoothed_frame_round_trip: None,
             newest_feedback: None,
@@ -80,6 +95,8 @@ impl Flow {
             is_chain_broken: false,
             is_key_frame_asked_for: false,
             is_recovering: false,
+            window_limit: MAX_FRAMES_IN_FLIGHT,
+            completed_since_limit: 0,
             stalled_since: None,
         }
     }
@@ -88,12 +105,22 @@ impl Flow {
         self.refresh_hz = refresh_hz;
     }
 
-    pub(super) fn learn_round_trip(&mut self, micros: u32) {
-        self.reported_round_trip = Some(Duration::from_micros(micros.into()).min(LONGEST_ROUND_TRIP));
+    /// Takes the round trip that the headset has measured. Its pings wait in the same queues as the frames: on a full
+    /// link they tell of the queue, and a window that followed them would make it longer still. So the round trip
+    /// that counts falls at once and rises slowly.
+    pub(super) fn learn_round_trip(&mut self, now: ServerTime, micros: u32) {
+        let reported = Duration::from_micros(micros.into()).min(LONGEST_ROUND_TRIP);
+        let base = self.base_round_trip.map_or(reported, |(at, base)| {
+            let doublings = now.since(at).as_secs_f64() / ROUND_TRIP_DOUBLES_IN.as_secs_f64();
+            // The millisecond lets a round trip of nothing grow too.
+            let risen = (base.as_secs_f64() + 1e-3 * doublings) * doublings.min(8.0).exp2();
+            reported.min(Duration::from_secs_f64(risen))
+        });
+        self.base_round_trip = Some((now, base));
     }
 
     pub(super) fn round_trip(&self) -> Option<Duration> {
-        self.reported_round_trip.or(self.shortest_frame_round_trip)
+        self.base_round_trip.map(|(_, base)| base).or(self.shortest_frame_round_trip)
     }
 
     pub(super) fn frame_round_trip(&self) -> Option<Duration> {
@@ -108,11 +135,19 @@ impl Flow {
         let round_trip = self.round_trip().unwrap_or_default().as_secs_f64();
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most 2 s × 240 Hz")]
         let in_a_round_trip = (round_trip * self.refresh_hz).ceil() as usize;
-        (in_a_round_trip + 2).clamp(2, MAX_FRAMES_IN_FLIGHT)
+        (in_a_round_trip + 2).clamp(SMALLEST_WINDOW, MAX_FRAMES_IN_FLIGHT).min(self.window_limit)
     }
 
     pub(super) fn in_flight(&self) -> usize {
         self.links.iter().filter(|link| link.state == State::UnderWay).count()
+    }
+
+    /// Frames that count against the window: from the oldest that is under way to the newest that was sent. A newer
+    /// frame goes first on the network, so one that overtakes another must not make room for the next to do so too:
+    /// the overtaken one would starve, and all hang on it.
+    pub(super) fn in_window(&self) -> usize {
+        let is_sent = |link: &&Link| matches!(link.state, State::UnderWay | State::Completed);
+        self.links.iter().skip_while(|link| link.state != State::UnderWay).filter(is_sent).count()
     }
 
     /// Since when frames have been under way with none completed; `None` if none is under way now.
@@ -138,7 +173,7 @@ impl Flow {
             None => true,
             Some(_) if self.is_key_frame_asked_for => false,
             Some(number) => match self.links.iter().find(|link| link.number == number) {
-                Some(link) => link.state != State::Undecodable,
+                Some(link) => link.is_decodable,
                 // Forgotten long ago: good only if the headset has said that it has gone beyond it.
                 None => self.newest_decoded().is_some_and(|decoded| number <= decoded),
             },
@@ -156,11 +191,25 @@ impl Flow {
         let patience = if depends_on.is_none() { self.key_frame_patience } else { Duration::ZERO };
         let round_trip = self.round_trip().unwrap_or_default();
         let late_at = display_at.max(now) + self.late_margin + patience + round_trip;
+        // A frame that waits behind the one it hangs on is not late before that one is.
+        let late_at = self
+            .links
+            .iter()
+            .find(|link| Some(link.number) == depends_on && link.state == State::UnderWay)
+            .map_or(late_at, |link| link.late_at.max(late_at));
         let has_paused = self.links.back().is_none_or(|newest| now >= newest.sent_at + PAUSE);
         if self.stalled_since.is_none() || (has_paused && self.in_flight() == 0) {
             self.stalled_since = Some(now);
         }
-        self.remember(Link { number, depends_on, state: State::UnderWay, sent_at: now, late_at });
+        self.remember(Link {
+            number,
+            depends_on,
+            state: State::UnderWay,
+            is_decodable: true,
+            sent_at: now,
+            late_at,
+            is_reset_told: false,
+        });
         self.newest_sent = Some(number);
         self.newest_encoded = Some(number);
         self.is_chain_broken = false;
@@ -171,8 +220,15 @@ impl Flow {
 
     /// A frame was encoded and does not go out, so that nothing that hangs on it may.
     pub(super) fn dropped(&mut self, now: ServerTime, number: u64, depends_on: Option<u64>) {
-        let state = State::Undecodable;
-        self.remember(Link { number, depends_on, state, sent_at: now, late_at: now });
+        self.remember(Link {
+            number,
+            depends_on,
+            state: State::Dropped,
+            is_decodable: false,
+            sent_at: now,
+            late_at: now,
+            is_reset_told: false,
+        });
         self.newest_encoded = Some(number);
         self.is_chain_broken = true;
     }
@@ -198,22 +254,30 @@ impl Flow {
         }
         self.newest_feedback = Some(*feedback);
         let mut completed = 0;
+        let mut was_reset_in_vain = false;
         for link in &mut self.links {
-            if !feedback.is_completed(link.number) {
+            if !matches!(link.state, State::UnderWay | State::Reset) || !feedback.is_completed(link.number) {
                 continue;
             }
-            if link.state == State::UnderWay {
-                link.state = State::Completed;
-                completed += 1;
-                let took = now.since(link.sent_at);
-                self.shortest_frame_round_trip =
-                    Some(self.shortest_frame_round_trip.map_or(took, |shortest| shortest.min(took)));
-                self.smoothed_frame_round_trip =
-                    Some(self.smoothed_frame_round_trip.map_or(took, |smoothed| (smoothed * 7 + took) / 8));
-                self.is_recovering = false;
-            }
+            was_reset_in_vain |= link.state == State::Reset;
+            link.state = State::Completed;
+            completed += 1;
+            let took = now.since(link.sent_at);
+            self.shortest_frame_round_trip =
+                Some(self.shortest_frame_round_trip.map_or(took, |shortest| shortest.min(took)));
+            self.smoothed_frame_round_trip =
+                Some(self.smoothed_frame_round_trip.map_or(took, |smoothed| (smoothed * 7 + took) / 8));
+        }
+        if was_reset_in_vain {
+            self.follow_dependencies();
         }
         if completed > 0 {
+            self.is_recovering = false;
+            self.completed_since_limit += completed;
+            if self.completed_since_limit >= COMPLETED_BEFORE_GROWTH {
+                self.completed_since_limit = 0;
+                self.window_limit = (self.window_limit + 1).min(MAX_FRAMES_IN_FLIGHT);
+            }
             self.stalled_since = (self.in_flight() > 0).then_some(now);
         }
         if feedback.key_frame_needed && !self.is_key_frame_under_way() {
@@ -228,33 +292,53 @@ impl Flow {
 
     /// Gives up every frame that is late, and all that hang on it. Returns those whose streams are to be reset.
     pub(super) fn reset_late(&mut self, now: ServerTime) -> Vec<u64> {
-        let mut reset = Vec::new();
-        let mut undecodable: Vec<u64> = self
-            .links
-            .iter()
-            .filter(|link| link.state == State::Undecodable)
-            .map(|link| link.number)
-            .collect();
-        // Oldest first, so that one pass reaches everything that hangs on a late frame.
+        let window = self.window();
+        let mut is_any_late = false;
         for link in &mut self.links {
-            if link.state == State::Undecodable {
-                continue;
-            }
-            let is_late = link.state == State::UnderWay && now >= link.late_at;
-            let is_hanging = link.depends_on.is_some_and(|number| undecodable.contains(&number));
-            if is_late || is_hanging {
-                if link.state == State::UnderWay {
-                    reset.push(link.number);
-                }
-                link.state = State::Undecodable;
-                undecodable.push(link.number);
+            if link.state == State::UnderWay && now >= link.late_at {
+                link.state = State::Reset;
+                link.is_decodable = false;
+                is_any_late = true;
             }
         }
-        if !reset.is_empty() {
-            self.is_recovering = true;
-            self.is_chain_broken = self.newest_encoded.is_some_and(|newest| undecodable.contains(&newest));
+        if !is_any_late {
+            return Vec::new();
+        }
+        if !self.is_recovering {
+            self.window_limit = (window / 2).max(SMALLEST_WINDOW);
+        }
+        self.completed_since_limit = 0;
+        self.is_recovering = true;
+        self.follow_dependencies();
+        let mut reset = Vec::new();
+        for link in &mut self.links {
+            if link.state == State::UnderWay && !link.is_decodable {
+                link.state = State::Reset;
+            }
+            if link.state == State::Reset && !link.is_reset_told {
+                link.is_reset_told = true;
+                reset.push(link.number);
+            }
         }
         reset
+    }
+
+    /// Finds anew what the headset can decode, once it has all that is under way.
+    fn follow_dependencies(&mut self) {
+        // Oldest first: what a frame hangs on comes before it.
+        for i in 0..self.links.len() {
+            let link = self.links[i];
+            let hangs_on_nothing_bad = link.depends_on.is_none_or(|number| {
+                self.links
+                    .iter()
+                    .take(i)
+                    .find(|other| other.number == number)
+                    .is_none_or(|other| other.is_decodable)
+            });
+            let arrives = matches!(link.state, State::UnderWay | State::Completed);
+            self.links[i].is_decodable = arrives && hangs_on_nothing_bad;
+        }
+        self.is_chain_broken = self.links.back().is_some_and(|newest| !newest.is_decodable);
     }
 
     /// When the next frame will be late, if it is not completed before.

@@ -306,7 +306,7 @@ impl ServerSession {
     fn held_up_by(&self) -> Option<HeldUpBy> {
         if self.pipeline.len() >= MAX_IN_PIPELINE {
             Some(HeldUpBy::Renderer)
-        } else if self.flow.in_flight() + self.pipeline.len() >= self.flow.window() {
+        } else if self.flow.in_window() + self.pipeline.len() >= self.flow.window() {
             Some(HeldUpBy::Network)
         } else {
             None

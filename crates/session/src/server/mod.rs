@@ -251,7 +251,7 @@ impl ServerSession {
             Ok(ClientDatagram::Ping(ping)) => {
                 if let Some(clock) = ping.clock {
                     self.poses.learn_clock(clock);
-                    self.flow.learn_round_trip(clock.round_trip_us);
+                    self.flow.learn_round_trip(now, clock.round_trip_us);
                 }
                 let pong = wire::Pong {
                     sequence: ping.sequence,

@@ -33,7 +33,6 @@ impl FrameBudget {
         let credit = self.credit_us + earned;
         self.credit_us = credit.min(most);
         if !wanted {
-            self.missed_us = 0.0;
             return 0;
         }
         self.missed_us += credit - self.credit_us;
