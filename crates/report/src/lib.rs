@@ -15,7 +15,9 @@ mod error;
 mod facts;
 mod frame;
 mod headset;
+mod plot;
 mod run;
+mod table;
 
 pub use check::Check;
 pub use csv::{read_frames_csv, write_frames_csv};
@@ -24,4 +26,5 @@ pub use error::{CheckError, CsvError, JsonError};
 pub use facts::{Machine, Process, Server, Volume};
 pub use frame::{FrameRecord, StageNames};
 pub use headset::{BitRate, Clock, Counters, HeadsetReport, HeadsetRun, QualityGivenUp, StageTimes};
+pub use plot::{Axis, Picture, Plot, Point, Scale, latency, latency_of, pareto_front};
 pub use run::{Everyone, FORMAT, Run, RunReport};
