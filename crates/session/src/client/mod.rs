@@ -5,7 +5,7 @@ mod delivery;
 mod frame;
 mod statistics;
 
-use crate::close::{ClosedBy, Disconnection};
+use crate::close::{ClosedBy, Disconnection, bounded_reason};
 use crate::convert::pose_to_wire;
 use crate::device::Device;
 use crate::time::{ClockOffset, HeadsetTime, ServerTime};
@@ -216,7 +216,7 @@ impl ClientSession {
     fn handle_message(&mut self, now: HeadsetTime, message: ServerMessage) {
         match (self.phase, message) {
             (_, ServerMessage::Goodbye(Goodbye { code, reason })) => {
-                self.end(Disconnection { by: ClosedBy::Peer, code, reason });
+                self.end(Disconnection { by: ClosedBy::Peer, code, reason: bounded_reason(&reason) });
                 self.close = Some((CloseCode::Goodbye, "goodbye".to_owned()));
             }
             (Phase::AwaitingWelcome, ServerMessage::Welcome(welcome)) => {
@@ -493,18 +493,20 @@ impl ClientSession {
         if self.is_closed() {
             return;
         }
-        self.send(&ClientMessage::Goodbye(Goodbye { code, reason: reason.to_owned() }));
-        self.end(Disconnection { by: ClosedBy::Us, code, reason: reason.to_owned() });
-        self.close = Some((code, reason.to_owned()));
+        let reason = bounded_reason(reason);
+        self.send(&ClientMessage::Goodbye(Goodbye { code, reason: reason.clone() }));
+        self.end(Disconnection { by: ClosedBy::Us, code, reason: reason.clone() });
+        self.close = Some((code, reason));
     }
 
-    /// The connection has ended by itself: the server closed it with `code`, or it broke without one.
+    /// The connection has ended by itself: the server closed it with `code`, or it broke without one. A close with a
+    /// code that this version does not know is [`CloseCode::Internal`].
     pub fn handle_disconnect(&mut self, _now: HeadsetTime, code: Option<CloseCode>, reason: &str) {
         if self.is_closed() {
             return;
         }
         let by = if code.is_some() { ClosedBy::Peer } else { ClosedBy::Network };
-        self.end(Disconnection { by, code: code.unwrap_or(CloseCode::Idle), reason: reason.to_owned() });
+        self.end(Disconnection { by, code: code.unwrap_or(CloseCode::Idle), reason: bounded_reason(reason) });
         self.outgoing_control.clear();
     }
 
@@ -524,14 +526,8 @@ impl ClientSession {
     }
 
     fn send(&mut self, message: &ClientMessage) {
-        // Only a goodbye's text has no length of its own to keep to; without it the message is small.
-        let bytes = message.encode().or_else(|_| {
-            let reason = "(text too long to send)".to_owned();
-            ClientMessage::Goodbye(Goodbye { code: CloseCode::Internal, reason }).encode()
-        });
-        if let Ok(bytes) = bytes {
-            self.outgoing_control.push_back(bytes);
-        }
+        let bytes = message.encode().expect("statistics and a goodbye with a bounded reason are small");
+        self.outgoing_control.push_back(bytes);
     }
 
     fn count(&mut self, outcome: DeliveryOutcome) {

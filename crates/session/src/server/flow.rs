@@ -280,14 +280,20 @@ impl Flow {
             }
             self.stalled_since = (self.in_flight() > 0).then_some(now);
         }
-        if feedback.key_frame_needed && !self.is_key_frame_under_way() {
+        if feedback.key_frame_needed && !self.is_help_under_way() {
             self.is_key_frame_asked_for = true;
         }
         FeedbackOutcome { ignored: false, completed }
     }
 
-    fn is_key_frame_under_way(&self) -> bool {
-        self.links.iter().any(|link| link.state == State::UnderWay && link.depends_on.is_none())
+    /// Whether a frame is under way that the headset can go on with: a key frame, or one that hangs on what it has
+    /// decoded.
+    fn is_help_under_way(&self) -> bool {
+        let decoded = self.newest_decoded();
+        self.links.iter().any(|link| {
+            let helps = link.depends_on.is_none_or(|number| decoded.is_some_and(|decoded| number <= decoded));
+            link.state == State::UnderWay && helps
+        })
     }
 
     /// Gives up every frame that is late, and all that hang on it. Returns those whose streams are to be reset.

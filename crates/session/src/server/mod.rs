@@ -8,7 +8,7 @@ mod poses;
 mod settings;
 mod statistics;
 
-use crate::close::{ClosedBy, Disconnection};
+use crate::close::{ClosedBy, Disconnection, bounded_reason};
 use crate::device::Device;
 use crate::time::ServerTime;
 use flow::Flow;
@@ -208,7 +208,7 @@ impl ServerSession {
     fn handle_message(&mut self, now: ServerTime, message: ClientMessage) {
         match (self.phase, message) {
             (_, ClientMessage::Goodbye(Goodbye { code, reason })) => {
-                self.end(Disconnection { by: ClosedBy::Peer, code, reason });
+                self.end(Disconnection { by: ClosedBy::Peer, code, reason: bounded_reason(&reason) });
                 self.outbox.close = Some((CloseCode::Goodbye, "goodbye".to_owned()));
             }
             (Phase::AwaitingHello, ClientMessage::Hello(hello)) => self.handle_hello(now, &hello),
@@ -380,7 +380,7 @@ impl ServerSession {
     /// The scene that this headset asked for is not shown.
     pub fn scene_refused(&mut self, request_id: u32, reason: &str) {
         if !self.is_closed() {
-            self.send(&ServerMessage::SceneRefused { request_id, reason: reason.to_owned() });
+            self.send(&ServerMessage::SceneRefused { request_id, reason: bounded_reason(reason) });
         }
     }
 
@@ -389,19 +389,21 @@ impl ServerSession {
         if self.is_closed() {
             return;
         }
-        self.send(&ServerMessage::Goodbye(Goodbye { code, reason: reason.to_owned() }));
-        self.end(Disconnection { by: ClosedBy::Us, code, reason: reason.to_owned() });
-        self.outbox.close = Some((code, reason.to_owned()));
+        let reason = bounded_reason(reason);
+        self.send(&ServerMessage::Goodbye(Goodbye { code, reason: reason.clone() }));
+        self.end(Disconnection { by: ClosedBy::Us, code, reason: reason.clone() });
+        self.outbox.close = Some((code, reason));
     }
 
-    /// The connection has ended by itself: the peer closed it with `code`, or it broke without one.
+    /// The connection has ended by itself: the peer closed it with `code`, or it broke without one. A close with a code
+    /// that this version does not know is [`CloseCode::Internal`].
     pub fn handle_disconnect(&mut self, _now: ServerTime, code: Option<CloseCode>, reason: &str) {
         if self.is_closed() {
             return;
         }
         let by = if code.is_some() { ClosedBy::Peer } else { ClosedBy::Network };
         let code = code.unwrap_or(CloseCode::Idle);
-        self.end(Disconnection { by, code, reason: reason.to_owned() });
+        self.end(Disconnection { by, code, reason: bounded_reason(reason) });
         self.outbox = Outbox::default();
     }
 
@@ -415,25 +417,18 @@ impl ServerSession {
     }
 
     fn send(&mut self, message: &ServerMessage) {
-        // Only texts can make a message too large, and a scene that came in through the same limit can be a few bytes
-        // over it on the way out: then it goes without its text.
-        let bytes = message.encode().or_else(|_| without_text(message).encode());
-        if let Ok(bytes) = bytes {
-            self.outbox.control.push_back(bytes);
-        }
+        // Only a scene can be too large: one that came in through the same limit may be a few bytes over it on the way
+        // out. It goes without its text then.
+        let bytes = match (message.encode(), message) {
+            (Ok(bytes), _) => bytes,
+            (Err(_), ServerMessage::SceneChanged { request_id, revision, .. }) => {
+                let (request_id, revision) = (*request_id, *revision);
+                ServerMessage::SceneChanged { request_id, revision, scene_json: None }
+                    .encode()
+                    .expect("a few numbers are small")
+            }
+            (Err(error), _) => panic!("the server's own name or codec is beyond all bounds: {error}"),
+        };
+        self.outbox.control.push_back(bytes);
     }
-}
-
-/// The message with its texts left out, where it can stand without them.
-fn without_text(message: &ServerMessage) -> ServerMessage {
-    const TOO_LONG: &str = "(text too long to send)";
-    let mut message = message.clone();
-    match &mut message {
-        ServerMessage::SceneChanged { scene_json, .. } => *scene_json = None,
-        ServerMessage::SceneRefused { reason, .. } => TOO_LONG.clone_into(reason),
-        ServerMessage::Goodbye(goodbye) => TOO_LONG.clone_into(&mut goodbye.reason),
-        ServerMessage::Welcome(welcome) => TOO_LONG.clone_into(&mut welcome.server_name),
-        ServerMessage::Statistics(_) => {}
-    }
-    message
 }

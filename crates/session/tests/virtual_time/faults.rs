@@ -373,6 +373,9 @@ fn a_late_frame_takes_with_it_what_hangs_on_it_and_only_that() {
     // A frame built on the one that the headset has is as good as a key frame.
     assert_eq!(make_frame(&mut server, 190_000, 3, Reference::Frame(0)), (3, FrameFate::Sent));
     assert!(!server.next_must_be_key_frame());
+    let feedback = Feedback { sequence: 2, newest_decoded: Some(0), key_frame_needed: true, ..feedback };
+    server.handle_datagram(server_time(200_000), &ClientDatagram::Feedback(feedback).encode());
+    assert!(!server.next_must_be_key_frame(), "help is on its way");
     assert_eq!(make_frame_refused(&mut server, 210_000, 4), None, "until it has come through");
 }
 
@@ -406,6 +409,27 @@ fn a_frame_too_large_to_send_is_an_error_and_asks_for_a_key_frame() {
     ));
     assert!(server.next_must_be_key_frame());
     assert_eq!(make_frame(&mut server, 40_000, 1, Reference::None), (1, FrameFate::Sent));
+}
+
+#[test]
+fn a_goodbye_of_any_length_is_kept_short() {
+    let mut server = connected();
+    let reason = "x".repeat(100_000);
+    let goodbye = wire::Goodbye { code: CloseCode::Goodbye, reason };
+    let bytes = ClientMessage::Goodbye(goodbye).encode().expect("a lawful goodbye");
+    server.handle_control(server_time(3_000), &bytes);
+    let Some(ServerEvent::Disconnected(end)) = server.poll_event() else { panic!("the session is over") };
+    assert_eq!((end.by, end.reason.len()), (ClosedBy::Peer, 512));
+}
+
+#[test]
+fn a_scene_that_grows_over_the_limit_is_announced_without_its_text() {
+    let mut server = connected();
+    let scene = "x".repeat(wire::MAX_CONTROL_BYTES);
+    server.scene_changed(None, 7, Some(&scene));
+    let Some(ServerTransmit::Control(bytes)) = server.poll_transmit() else { panic!("an announcement") };
+    let changed = wire::ServerMessage::SceneChanged { request_id: None, revision: 7, scene_json: None };
+    assert_eq!(wire::ServerMessage::decode(&bytes[4..]), Ok(changed));
 }
 
 #[test]
