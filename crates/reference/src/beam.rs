@@ -1,6 +1,6 @@
 //! The emission-absorption integral, adaptively, for any matter along a way.
 
-use crate::quadrature::{COARSE, FINE, Rule};
+use crate::quadrature::{COARSE, FINE, MEDIUM, Rule};
 
 /// Colours and opacity of a pixel are integrated to this absolute error.
 pub(crate) const PICTURE_ERROR: f64 = 1.0e-10;
@@ -24,8 +24,8 @@ pub struct Matter {
 
 /// What has been seen along a ray so far.
 ///
-/// `color = ∫ c σ exp(-τ) dt` and `τ = ∫ σ dt`, by Gauss-Legendre quadrature of 10 nodes on pieces that are halved until
-/// it agrees with the rule of 6 nodes. Within a piece, τ at the nodes is the integral of the polynomial through the
+/// `color = ∫ c σ exp(-τ) dt` and `τ = ∫ σ dt`, by Gauss-Legendre quadrature on pieces that are halved until the rule
+/// of 6 nodes agrees with that of 4, or that of 10 with that of 6. Within a piece, τ at the nodes is the integral of the polynomial through the
 /// values of σ there. The estimate of the finer rule's error from the difference is QUADPACK's (Piessens et al. 1983).
 #[derive(Clone, Debug)]
 pub struct Beam {
@@ -98,12 +98,18 @@ impl Beam {
         if self.is_spent() {
             return None;
         }
-        let fine = Piece::of(&FINE, from, to, mm, matter);
         let light = (-self.optical_depth).exp();
         let middle = from + (to - from) / 2.0;
-        let exact_enough = || light * fine.error(&Piece::of(&COARSE, from, to, mm, matter)) <= error;
+        let enough = |piece: &Piece, coarser: &Piece| {
+            piece.optical_depth <= DEEPEST_PIECE && light * piece.error(coarser) <= error
+        };
+        let medium = Piece::of(&MEDIUM, from, to, mm, matter);
+        if enough(&medium, &Piece::of(&COARSE, from, to, mm, matter)) {
+            return self.take(&medium, light, from, to, mm, matter);
+        }
+        let fine = Piece::of(&FINE, from, to, mm, matter);
         let indivisible = halvings == 0 || middle <= from || middle >= to;
-        if indivisible || fine.optical_depth <= DEEPEST_PIECE && exact_enough() {
+        if indivisible || enough(&fine, &medium) {
             return self.take(&fine, light, from, to, mm, matter);
         }
         let first = self.halve(from, middle, mm, error / 2.0, halvings - 1, matter);

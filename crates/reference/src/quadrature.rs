@@ -2,10 +2,12 @@
 
 use std::sync::LazyLock;
 
-/// The rule that is used.
+/// The finest rule.
 pub(crate) static FINE: LazyLock<Rule<10>> = LazyLock::new(Rule::gauss_legendre);
-/// The rule that it is compared with.
-pub(crate) static COARSE: LazyLock<Rule<6>> = LazyLock::new(Rule::gauss_legendre);
+/// Enough for thin matter.
+pub(crate) static MEDIUM: LazyLock<Rule<6>> = LazyLock::new(Rule::gauss_legendre);
+/// What the medium rule is compared with.
+pub(crate) static COARSE: LazyLock<Rule<4>> = LazyLock::new(Rule::gauss_legendre);
 
 /// Exact for polynomials of degree 2N - 1.
 #[derive(Clone, Debug)]
@@ -81,6 +83,7 @@ mod tests {
     #[test]
     fn rules_are_exact_for_polynomials() {
         check(&FINE);
+        check(&MEDIUM);
         check(&COARSE);
     }
 }

@@ -95,6 +95,21 @@ mod tests {
     }
 
     #[test]
+    fn agrees_with_scikit_image() {
+        // structural_similarity(a, b, data_range=1, gaussian_weights=True, sigma=1.5, use_sample_covariance=False).
+        let (mut a, mut b) = (Vec::new(), Vec::new());
+        for y in 0..24 {
+            for x in 0..32 {
+                let (x, y) = (f64::from(x), f64::from(y));
+                let value = 0.5 + 0.4 * (0.3 * x).sin() * (0.2 * y).cos();
+                a.push(value);
+                b.push((value + 0.1 * (1.7 * x + 0.9 * y).sin()).clamp(0.0, 1.0));
+            }
+        }
+        assert!((mean_ssim(&a, &b, 32, 24) - 0.774_918_982_445_313_8).abs() < 1e-12);
+    }
+
+    #[test]
     fn a_negative_is_dissimilar() {
         let a: Vec<f64> = (0..400).map(|i| f64::from((i % 20 + i / 20) % 2)).collect();
         let b: Vec<f64> = a.iter().map(|x| 1.0 - x).collect();

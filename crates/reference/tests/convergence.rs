@@ -35,8 +35,7 @@ fn errors(error: impl Fn(f64) -> f64) -> [f64; 3] {
 
 #[test]
 fn the_x_ray_of_a_blob_nears_its_closed_form_in_second_order() {
-    // ∫ exp(-r²/2s²) = s·√(2π)·exp(-b²/2s²), less what lies beyond the border, here below 1e-4 and known by erf: compare
-    // with the finest Riemann sum of the signal itself instead.
+    // The signal's own mean over the way, which ends at the border, by 4000 midpoints: exact to 1e-8.
     second_order(errors(|h| {
         let v = blob(h);
         let s = scene(&v, r#"{"mode": "x-ray", "window": [0, 1]}"#);

@@ -330,7 +330,6 @@ fn a_transfer_function_of_256_points_is_cut_at_each() -> Result<(), SceneError> 
     Ok(())
 }
 
-/// A ray through the index space of a volume, given in millimetres: for readers of the tests above.
 #[test]
 fn a_ray_of_no_length_in_the_volume_sees_nothing() {
     let v = volume([2, 2, 2], [1.0; 3], |_| 1.0);
