@@ -30,6 +30,8 @@ pub struct FrameRenderer {
     gpu: Arc<Gpu>,
     targets: Option<Targets>,
     free: mpsc::Receiver<Slot>,
+    /// A free slot that was found by looking for one.
+    next: Option<Slot>,
     give_back: mpsc::Sender<Slot>,
     slots: usize,
 }
@@ -55,7 +57,15 @@ impl FrameRenderer {
             // The receiver lives in this function's result: sending cannot fail here.
             let _ = give_back.send(Slot::new(gpu)?);
         }
-        Ok(Self { gpu: gpu.clone(), targets: None, free, give_back, slots })
+        Ok(Self { gpu: gpu.clone(), targets: None, free, next: None, give_back, slots })
+    }
+
+    /// Whether a frame can be submitted now.
+    pub fn has_room(&mut self) -> bool {
+        if self.next.is_none() {
+            self.next = self.free.try_recv().ok();
+        }
+        self.next.is_some()
     }
 
     /// Submits a frame and returns at once.
@@ -63,7 +73,8 @@ impl FrameRenderer {
     /// # Errors
     /// [`RenderError::RingFull`] while all slots are in use; an error of the device if it has no room.
     pub fn submit(&mut self, scene: &SceneOnDevice, plan: &StereoPlan) -> Result<FrameInFlight, RenderError> {
-        let mut slot = self.free.try_recv().map_err(|_| RenderError::RingFull { slots: self.slots })?;
+        let free = self.next.take().or_else(|| self.free.try_recv().ok());
+        let mut slot = free.ok_or(RenderError::RingFull { slots: self.slots })?;
         match self.record(&mut slot, scene, plan) {
             Ok(submission) => Ok(FrameInFlight {
                 gpu: self.gpu.clone(),

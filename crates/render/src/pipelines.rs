@@ -1,6 +1,8 @@
 //! Pipelines, made for exactly what a scene uses.
 
+use crate::scene_on_device::SceneNumbers;
 use crate::shaders;
+use crate::{Quality, Sampling};
 use scene::Mode;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -15,6 +17,16 @@ pub(crate) struct Features {
 }
 
 impl Features {
+    /// What a scene uses at a quality.
+    pub(crate) fn of(numbers: &SceneNumbers, quality: &Quality) -> Self {
+        Self {
+            mode: numbers.mode,
+            lit: numbers.lit && numbers.mode == Mode::EmissionAbsorption,
+            skip: numbers.has_empty_cells,
+            exact_filter: quality.sampling == Sampling::Float32,
+        }
+    }
+
     /// The mode's number in the shader.
     fn mode_number(self) -> f64 {
         match self.mode {

@@ -4,7 +4,6 @@ use crate::Quality;
 use crate::layout::{GpuEye, GpuFrame};
 use crate::pipelines::Features;
 use crate::scene_on_device::SceneNumbers;
-use scene::Mode;
 use spatial::{DAffine3, DMat3, DVec3, EyeView};
 use volume::Grid;
 
@@ -165,15 +164,9 @@ impl StereoPlan {
         for (slot, eye) in frame.eyes.iter_mut().zip(eyes.iter()) {
             *slot = gpu_eye(eye, &placed.index_from_world, &mm_from_index, centre_in_index);
         }
-        let features = Features {
-            mode: numbers.mode,
-            lit: numbers.lit && numbers.mode == Mode::EmissionAbsorption,
-            skip: numbers.has_empty_cells,
-            exact_filter: quality.sampling == crate::Sampling::Float32,
-        };
         Ok(Self {
             frame,
-            features,
+            features: Features::of(numbers, quality),
             step_mm,
             eye_count,
             render_size_px,
@@ -291,6 +284,7 @@ fn gpu_eye(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use scene::Mode;
     use spatial::{Fov, HeadGeometry, Pose};
 
     fn numbers() -> SceneNumbers {

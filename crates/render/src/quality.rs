@@ -50,6 +50,12 @@ impl Quality {
     pub const LEVELS: [(&'static str, Self); 4] =
         [("draft", Self::DRAFT), ("balanced", Self::BALANCED), ("fine", Self::FINE), ("exact", Self::EXACT)];
 
+    /// The names of the levels, for people who chose another.
+    #[must_use]
+    pub fn level_names() -> String {
+        Self::LEVELS.map(|(name, _)| name).join(", ")
+    }
+
     /// The level of that name.
     #[must_use]
     pub fn by_name(name: &str) -> Option<Self> {

@@ -3,6 +3,7 @@
 use crate::error::RenderError;
 use crate::gpu::Gpu;
 use crate::layout::GpuFrame;
+use crate::pipelines::Features;
 use crate::table::{SeenValues, TableDomain, extinction_table, optical_table};
 use crate::volume_on_device::SharedVolume;
 use scene::{Mode, Scene};
@@ -109,9 +110,9 @@ impl SceneOnDevice {
         &self.numbers
     }
 
-    /// Compiles what a plan needs, so that the first frame of it does not wait.
-    pub fn prepare(&self, plan: &crate::StereoPlan) {
-        self.gpu.pipelines.raycast(&self.gpu.device, plan.features);
+    /// Compiles what frames of this quality need, so that the first of them does not wait.
+    pub fn prepare(&self, quality: &crate::Quality) {
+        self.gpu.pipelines.raycast(&self.gpu.device, Features::of(&self.numbers, quality));
     }
 
     pub(crate) fn volume_group(&self) -> &wgpu::BindGroup {

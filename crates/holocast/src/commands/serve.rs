@@ -1,0 +1,129 @@
+//! `holocast serve`.
+
+use crate::cli::Serve;
+use crate::commands::shown::{Shown, quality_named};
+use crate::terminal::{progress, progress_done, say, tell};
+use ::render::{Gpu, VolumeOnDevice};
+use anyhow::{Context as _, bail};
+use server::{Server, Settings};
+use session::Prediction;
+use std::path::PathBuf;
+use std::sync::Arc;
+use transport::Identity;
+use volume_io::describe::VolumeDescription;
+
+pub(crate) fn run(arguments: &Serve) -> anyhow::Result<()> {
+    let quality = quality_named(&arguments.quality)?;
+    let shown = Shown::load(arguments.scene.as_deref(), arguments.volume.as_deref())?;
+    let identity_folder = match &arguments.identity {
+        Some(folder) => folder.clone(),
+        None => default_identity_folder()?,
+    };
+    let identity = Identity::load_or_create(&identity_folder)?;
+    let gpu = Arc::new(Gpu::open(arguments.adapter.as_deref())?);
+    let volume = VolumeOnDevice::upload(&gpu, &shown.loaded.volume, |part| {
+        progress(format!("uploading: {:.0} %", part * 100.0));
+    });
+    progress_done();
+    let volume = Arc::new(volume?);
+
+    let defaults = Settings::new(arguments.listen);
+    let settings = Settings {
+        pairing_code: arguments.pairing_code.clone(),
+        max_headsets: arguments.max_headsets,
+        quality,
+        adapt_quality: !arguments.fixed_quality,
+        prediction: Prediction { enabled: !arguments.no_prediction, ..Prediction::default() },
+        bits_per_pixel: arguments.bits_per_pixel,
+        encoder_threads: arguments.encoder_threads.unwrap_or(defaults.encoder_threads),
+        device_queue: arguments
+            .device_queue
+            .unwrap_or(if gpu.adapter().is_software { 1 } else { 2 })
+            .clamp(1, 4),
+        ..defaults
+    };
+    let description = VolumeDescription::of(&shown.volume_path.display().to_string(), &shown.loaded);
+    // The scene and its volume were named on the command line; what headsets ask for names none.
+    let scene = scene::SceneFile { volume: None, ..shown.file };
+    let facts = shown.facts;
+    // All of it is on the device now: the host's copy goes.
+    drop(shown.loaded);
+
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(2)
+        .thread_name("network")
+        .enable_all()
+        .build()
+        .context("the system refused threads for the network")?;
+    runtime.block_on(async {
+        let server = Server::start(settings, &identity, &gpu, &volume, facts, &scene)?;
+        announce(arguments, &server, &gpu, &description, &identity_folder)?;
+        tokio::select! {
+            stopped = stop_signal() => stopped?,
+            () = server.failed() => {
+                server.shutdown().await;
+                bail!("the device failed; see the log above");
+            }
+        }
+        tell("stopping: saying goodbye to the headsets");
+        server.shutdown().await;
+        Ok(())
+    })
+}
+
+/// Ctrl-C, or the polite signal that service managers send.
+async fn stop_signal() -> anyhow::Result<()> {
+    use tokio::signal::unix::{SignalKind, signal};
+    let mut terminate = signal(SignalKind::terminate()).context("no signal handler could be installed")?;
+    tokio::select! {
+        stopped = tokio::signal::ctrl_c() => stopped.context("no signal handler could be installed"),
+        _ = terminate.recv() => Ok(()),
+    }
+}
+
+fn announce(
+    arguments: &Serve,
+    server: &Server,
+    gpu: &Gpu,
+    description: &VolumeDescription,
+    identity_folder: &std::path::Path,
+) -> anyhow::Result<()> {
+    if arguments.json {
+        say(serde_json::to_string(&serde_json::json!({
+            "address": server.address().to_string(),
+            "fingerprint": server.fingerprint().to_string(),
+            "adapter": gpu.adapter().name,
+            "adapter_is_software": gpu.adapter().is_software,
+            "volume": {
+                "name": arguments.volume.as_deref().or(arguments.scene.as_deref()).map(|p| p.display().to_string()),
+                "dims": description.dims,
+                "spacing_mm": description.spacing_mm,
+            },
+        }))?);
+        return Ok(());
+    }
+    let [nx, ny, nz] = description.dims;
+    let [sx, sy, sz] = description.spacing_mm;
+    say(format!("listening    {} (UDP)", server.address()));
+    say(format!("fingerprint  {}", server.fingerprint()));
+    say(format!("identity     {}", identity_folder.display()));
+    say(format!("adapter      {}", gpu.adapter()));
+    say(format!(
+        "volume       {}: {nx}x{ny}x{nz} voxels of {sx:.3}x{sy:.3}x{sz:.3} mm, {}",
+        description.file, description.orientation
+    ));
+    if arguments.pairing_code.is_none() {
+        say("pairing      none: everyone who reaches the port sees; --pairing-code CODE asks for one");
+    }
+    say("Ctrl-C stops.");
+    Ok(())
+}
+
+/// Where certificate and key lie unless told otherwise.
+fn default_identity_folder() -> anyhow::Result<PathBuf> {
+    let from = |variable: &str| std::env::var_os(variable).filter(|v| !v.is_empty()).map(PathBuf::from);
+    from("XDG_CONFIG_HOME")
+        .or_else(|| from("HOME").map(|home| home.join(".config")))
+        .map(|folder| folder.join("holocast"))
+        .context("neither HOME nor XDG_CONFIG_HOME is set; name a folder with --identity DIR")
+}

@@ -1,0 +1,47 @@
+//! What people see on the terminal: results on standard output, everything else on standard error.
+#![expect(clippy::print_stderr, reason = "this is the one place that talks to the terminal")]
+
+use std::io::{IsTerminal as _, Write as _};
+
+/// Logs to standard error: warnings, with -v information, with -vv all. `RUST_LOG` overrides.
+pub(crate) fn start_logging(verbose: u8) {
+    let default = match verbose {
+        // A server tells who comes and goes; everything else is quiet unless something is wrong.
+        0 => "warn,server=info",
+        1 => "info",
+        _ => "debug",
+    };
+    let filter = tracing_subscriber::EnvFilter::try_from_default_env()
+        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(default));
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+}
+
+/// Prints a result.
+pub(crate) fn say(text: impl std::fmt::Display) {
+    // A reader that has gone away, as in `| head`, is no error.
+    let _ = writeln!(std::io::stdout(), "{text}");
+}
+
+/// Tells what went wrong and why.
+pub(crate) fn complain(error: &anyhow::Error) {
+    eprintln!("holocast: {error:#}");
+}
+
+/// Tells what goes on, to a person who may be waiting.
+pub(crate) fn tell(text: impl std::fmt::Display) {
+    eprintln!("{text}");
+}
+
+/// A line that is written over, on a terminal only.
+pub(crate) fn progress(text: impl std::fmt::Display) {
+    if std::io::stderr().is_terminal() {
+        eprint!("\r\x1b[2K{text}");
+    }
+}
+
+/// Ends a line of progress.
+pub(crate) fn progress_done() {
+    if std::io::stderr().is_terminal() {
+        eprint!("\r\x1b[2K");
+    }
+}

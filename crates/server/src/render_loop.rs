@@ -1,0 +1,207 @@
+//! The thread `render`: whose frame is next, drawn, read back, handed to the encoders.
+
+use crate::encoding::EncoderPool;
+use crate::quality::Rung;
+use crate::scheduler::{Scheduler, Wish};
+use crate::seat::{EncodeJob, Seat, Stream, locked};
+use crate::server::Shared;
+use render::{
+    DepthGridSize, FrameInFlight, FrameRenderer, Placed, PlanError, Quality, RenderError, StereoPlan,
+    StereoRequest,
+};
+use session::{FrameTicket, ServerTime};
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Depths sent beside a picture, for each eye.
+pub(crate) const DEPTH_GRID: DepthGridSize = DepthGridSize { columns: 16, rows: 12 };
+/// Longest sleep without a wish: a wish that was missed costs no more.
+const LONGEST_SLEEP: Duration = Duration::from_millis(20);
+/// Frames in a row that the device fails before it is given up.
+const FAILURES_BEFORE_END: u32 = 30;
+
+/// A frame on the device.
+struct Drawing {
+    seat: Arc<Seat>,
+    ticket: FrameTicket,
+    frame: FrameInFlight,
+    scene_revision: u32,
+    rung: Rung,
+    lit: bool,
+    submitted: ServerTime,
+}
+
+/// Why a frame could not be begun.
+#[derive(Debug, thiserror::Error)]
+enum BeginError {
+    #[error(transparent)]
+    Plan(#[from] PlanError),
+    #[error(transparent)]
+    Render(#[from] RenderError),
+}
+
+/// State of the thread.
+pub(crate) struct RenderLoop {
+    shared: Arc<Shared>,
+    ring: FrameRenderer,
+    encoders: EncoderPool,
+    scheduler: Scheduler,
+    on_device: VecDeque<Drawing>,
+    /// When the device was last known to be free.
+    device_free: ServerTime,
+    failures: u32,
+}
+
+impl RenderLoop {
+    pub(crate) fn new(shared: Arc<Shared>, ring: FrameRenderer, encoders: EncoderPool) -> Self {
+        let device_free = shared.clock.now();
+        Self {
+            shared,
+            ring,
+            encoders,
+            scheduler: Scheduler::default(),
+            on_device: VecDeque::new(),
+            device_free,
+            failures: 0,
+        }
+    }
+
+    /// Runs until the server stops.
+    pub(crate) fn run(mut self) {
+        while !self.shared.is_stopping() {
+            while self.on_device.len() < self.shared.settings.device_queue && self.ring.has_room() {
+                let Some(seat) = self.next() else { break };
+                self.begin(seat);
+            }
+            match self.on_device.pop_front() {
+                Some(drawing) => self.finish(drawing),
+                None => self.shared.wishes.wait(LONGEST_SLEEP),
+            }
+            if self.failures >= FAILURES_BEFORE_END {
+                tracing::error!("the device has failed {} frames in a row; the server stops", self.failures);
+                self.shared.stop();
+            }
+        }
+        self.encoders.finish();
+    }
+
+    /// The seat whose frame is next.
+    fn next(&mut self) -> Option<Arc<Seat>> {
+        let seats = self.shared.seats();
+        let now = self.shared.clock.now();
+        let wishes: Vec<Wish> = seats
+            .iter()
+            .filter_map(|seat| {
+                let period = seat.stream()?.period;
+                let deadline = seat.session().frame_request(now)?.deadline;
+                Some(Wish { session: seat.id, deadline, period })
+            })
+            .collect();
+        self.scheduler.retain(|id| seats.iter().any(|s| s.id == id));
+        let chosen = self.scheduler.choose(now, &wishes)?;
+        seats.iter().find(|s| s.id == chosen).cloned()
+    }
+
+    fn begin(&mut self, seat: Arc<Seat>) {
+        let Some(ticket) = seat.session().begin_frame(self.shared.clock.now()) else { return };
+        match self.submit(&seat, &ticket) {
+            Ok((frame, scene_revision, rung, lit)) => {
+                let submitted = self.shared.clock.now();
+                self.on_device.push_back(Drawing {
+                    seat,
+                    ticket,
+                    frame,
+                    scene_revision,
+                    rung,
+                    lit,
+                    submitted,
+                });
+            }
+            Err(error) => {
+                self.failures += 1;
+                tracing::warn!(session = seat.id, frame = ticket.number, "frame not begun: {error}");
+                seat.session().frame_abandoned(self.shared.clock.now(), ticket);
+            }
+        }
+    }
+
+    fn submit(
+        &mut self,
+        seat: &Seat,
+        ticket: &FrameTicket,
+    ) -> Result<(FrameInFlight, u32, Rung, bool), BeginError> {
+        let shown = self.shared.room.shown();
+        let (rung, size) = match seat.stream() {
+            Some(stream) => (stream.rung(), [stream.device.eye_width_px, stream.device.eye_height_px]),
+            None => return Err(PlanError::Eyes(0).into()),
+        };
+        let asked = self.shared.settings.quality;
+        let quality = Quality {
+            resolution_scale: asked.resolution_scale * rung.resolution_scale,
+            step_voxels: (asked.step_voxels * rung.step_scale).min(64.0),
+            ..asked
+        };
+        let scene = shown.scene.scene();
+        let plan = StereoPlan::new(
+            &StereoRequest {
+                eyes: &ticket.view.eyes,
+                placed: Placed::in_room(&scene.placement, shown.scene.grid()),
+                eye_size_px: size,
+                quality,
+                step_mm: None,
+                depth_grid: DEPTH_GRID,
+            },
+            shown.scene.grid(),
+            shown.scene.numbers(),
+        )?;
+        let lit = scene.light.is_some();
+        Ok((self.ring.submit(&shown.scene, &plan)?, shown.revision, rung, lit))
+    }
+
+    fn finish(&mut self, drawing: Drawing) {
+        let Drawing { seat, ticket, frame, scene_revision, rung, lit, submitted } = drawing;
+        let finished = frame.finish();
+        let converted = self.shared.clock.now();
+        // The device draws one frame after the other: this one waited until the one before it was done.
+        let render_started = submitted.max(self.device_free).min(converted);
+        self.device_free = converted;
+        let frame = match finished {
+            Ok(frame) => frame,
+            Err(error) => {
+                self.failures += 1;
+                tracing::warn!(session = seat.id, frame = ticket.number, "frame lost: {error}");
+                seat.session().frame_abandoned(converted, ticket);
+                return;
+            }
+        };
+        self.failures = 0;
+        let rendered = match frame.gpu_times() {
+            Some(times) => (render_started + times.raycast).min(converted),
+            None => converted,
+        };
+        if let Some(stream) = seat.stream() {
+            stream.took(converted.since(render_started));
+            self.judge(stream, converted);
+            locked(&stream.waiting).push_back(EncodeJob {
+                ticket,
+                frame,
+                scene_revision,
+                rung,
+                lit,
+                render_started,
+                rendered,
+                converted,
+            });
+            self.encoders.encode(seat);
+        }
+    }
+
+    /// Lets the headset's controller judge the load of all.
+    fn judge(&self, stream: &Stream, now: ServerTime) {
+        if self.shared.settings.adapt_quality {
+            let load = self.shared.seats().iter().filter_map(|s| s.stream()).map(Stream::device_share).sum();
+            stream.judge(now, load);
+        }
+    }
+}
