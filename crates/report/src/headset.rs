@@ -133,7 +133,7 @@ pub struct StageTimes {
 pub struct BitRate {
     /// Over the headset's whole time.
     pub mean_bps: f64,
-    /// The nearest-rank p95 over its full seconds, counted from its beginning; the mean if it ran for less than one.
+    /// The nearest-rank p95 over its full seconds, counted from its beginning; the mean if there is none.
     pub p95_bps: f64,
 }
 
@@ -155,6 +155,9 @@ pub struct QualityGivenUp {
     /// The longest step, in voxels.
     pub max_step_voxels: f64,
 }
+
+/// A run of eleven days. What says that it was longer is not counted second by second.
+const LONGEST_SECS: f64 = 1e6;
 
 /// Scales and steps travel as float32; a difference below this is that rounding.
 const ROUNDING: f64 = 1e-6;
@@ -219,15 +222,18 @@ impl BitRate {
         if headset.frames.is_empty() || headset.seconds <= 0.0 {
             return None;
         }
-        let bytes: u64 = headset.frames.iter().map(|frame| frame.bytes).sum();
-        let mean_bps = rate(bytes * 8, headset.seconds);
+        let bits = |frame: &FrameRecord| frame.bytes as f64 * 8.0;
+        let mean_bps = headset.frames.iter().map(bits).sum::<f64>() / headset.seconds;
+        if !(1.0..LONGEST_SECS).contains(&headset.seconds) {
+            return Some(Self { mean_bps, p95_bps: mean_bps });
+        }
         let mut seconds = vec![0.0; headset.seconds as usize];
         for frame in &headset.frames {
             let second = frame.decoded_at_secs - headset.started_at_secs;
             if second >= 0.0
-                && let Some(bits) = seconds.get_mut(second as usize)
+                && let Some(sum) = seconds.get_mut(second as usize)
             {
-                *bits += frame.bytes as f64 * 8.0;
+                *sum += bits(frame);
             }
         }
         let p95_bps = Distribution::of(seconds).map_or(mean_bps, |bits| bits.p95);

@@ -7,7 +7,7 @@ use std::fmt;
 /// No line is longer.
 const WIDTH: usize = 100;
 /// Names of headsets, devices and traces are cut to this.
-const NAME: usize = 20;
+const NAME: usize = 16;
 
 impl fmt::Display for RunReport {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -106,13 +106,14 @@ fn stages(report: &RunReport, out: &mut fmt::Formatter<'_>) -> fmt::Result {
 }
 
 fn stage_row(name: &str, us: Option<Distribution>, total: Option<Distribution>) -> Vec<String> {
-    let Some(us) = us else { return vec![name.replace('_', " ")] };
+    let name = cut(&name.replace('_', " "), 28);
+    let Some(us) = us else { return vec![name] };
     let ms = |us: f64| decimals(us * 1e-3, 2);
     let share = match total {
         Some(total) if total.mean > 0.0 => format!("{} %", decimals(us.mean / total.mean * 100.0, 1)),
         _ => String::new(),
     };
-    vec![name.replace('_', " "), ms(us.mean), share, ms(us.p50), ms(us.p95), ms(us.p99), ms(us.max)]
+    vec![name, ms(us.mean), share, ms(us.p50), ms(us.p95), ms(us.p99), ms(us.max)]
 }
 
 fn headsets(report: &RunReport, out: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -160,16 +161,7 @@ fn headsets(report: &RunReport, out: &mut fmt::Formatter<'_>) -> fmt::Result {
 
     writeln!(out, "\nHeadsets: how many frames")?;
     let header = [
-        "headset",
-        "skipped",
-        "rendered",
-        "sent",
-        "reset",
-        "lost",
-        "stale",
-        "undecodable",
-        "decoded",
-        "late",
+        "headset", "skipped", "rendered", "sent", "reset", "lost", "stale", "broken", "decoded", "late",
         "wrong",
     ];
     each(out, &header, &|headset| {
@@ -190,7 +182,7 @@ fn headsets(report: &RunReport, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         out,
         "  skipped: due and not begun. reset: given up by the server under way. lost: did not arrive whole.\n  \
          stale: overtaken by a newer one. late: decoded after its display time.\n  \
-         wrong: not what was asked for. ?: the server did not tell."
+         broken: did not decode. wrong: not what was asked for. ?: the server did not tell."
     )?;
 
     writeln!(out, "\nHeadsets: the stream, the quality given up, the clock")?;

@@ -33,9 +33,9 @@ pub(super) struct Columns {
     pub(super) bin_secs: Option<f64>,
 }
 
-/// A frame's column ends with the next frame. If that takes longer than this many median intervals, the column ends
-/// there and a gap shows the freeze.
-const LONGEST_HOLD: f64 = 3.0;
+/// A frame's column reaches back to the frame before it, so that one that kept the eye waiting is wide. It does not reach
+/// back further than this many median intervals; then a gap shows the freeze.
+const LONGEST_WAIT: f64 = 3.0;
 
 impl Columns {
     /// One column a frame if there are at most `most` frames, else at most `most` columns of equal length.
@@ -69,10 +69,12 @@ fn one_each(headset: &HeadsetRun, frames: &[&FrameRecord]) -> Vec<Column> {
     let usual =
         if intervals.is_empty() { 1.0 / headset.asked_hz.max(1.0) } else { nearest_rank(&intervals, 50) };
     let columns = frames.iter().enumerate().map(|(index, frame)| {
-        let from_secs = frame.decoded_at_secs;
-        let next = frames.get(index + 1).map_or(f64::INFINITY, |frame| frame.decoded_at_secs);
-        let longest = if next.is_finite() { usual * LONGEST_HOLD } else { usual };
-        column(headset, &[frame], from_secs, next.min(from_secs + longest))
+        let to_secs = frame.decoded_at_secs;
+        let from_secs = match index.checked_sub(1) {
+            Some(before) => frames[before].decoded_at_secs.max(to_secs - usual * LONGEST_WAIT),
+            None => to_secs - usual,
+        };
+        column(headset, &[frame], from_secs, to_secs)
     });
     columns.collect()
 }
@@ -136,12 +138,12 @@ mod tests {
         let columns = Columns::of(&headset([0.0, 0.1, 0.2, 1.2, 1.3]), 100);
         let stretches: Vec<usize> = columns.stretches().map(<[_]>::len).collect();
         assert_eq!((stretches, columns.bin_secs), (vec![3, 2], None));
-        assert!((columns.columns[2].to_secs - 0.5).abs() < 1e-9, "{:?}", columns.columns[2]);
+        assert!((columns.columns[3].from_secs - 0.9).abs() < 1e-9, "{:?}", columns.columns[3]);
     }
 
     #[test]
     fn many_frames_become_few_columns_of_their_median_frame() {
-        let columns = Columns::of(&headset((0..6_000).map(|frame| f64::from(frame) * 0.1)), 300);
+        let columns = Columns::of(&headset((0..6_000).map(|frame| f64::from(frame) * 0.1)), 320);
         assert_eq!((columns.columns.len(), columns.bin_secs), (300, Some(2.0)));
         let column = &columns.columns[1];
         assert_eq!((column.from_secs, column.to_secs), (2.0, 4.0));

@@ -31,9 +31,10 @@ const SMALL: f64 = 13.0;
 ///
 /// x is the time in seconds since the run began, y the time from the pose to the decoded picture in milliseconds, with
 /// lines at whole frame intervals (16.7 ms at 60 Hz). The same y stands for all panels; it ends a little above the p99,
-/// and triangles mark what lies beyond. Each frame is a column until the next one; a gap is a freeze. Of more than 720
-/// frames, columns of equal length show their median frame's stages and the p95 as a line. Below are marks for late and
-/// for key frames, and the quality: resolution and step as shares of the full ones.
+/// and triangles mark what lies beyond. Each frame is a column that ends when it is decoded and begins with the frame
+/// before it; a gap is a freeze. If a headset has more than 720 frames, columns of equal length show their median
+/// frame's stages, and their p95 as a line. Below are marks for late and for key frames, and the quality: resolution
+/// and step as shares of the full ones.
 #[must_use]
 pub fn latency(run: &Run) -> Picture {
     let mut by_rate: Vec<&HeadsetRun> = run.headsets.iter().collect();
@@ -280,7 +281,8 @@ impl Panel<'_> {
             if share > 0.0 {
                 let (left, right) = (sheet.time.place(column.from_secs), sheet.time.place(column.to_secs));
                 // A single frame must be seen.
-                let right = if mark.wide { right.max(left + 1.4) } else { left + 1.6 }.min(frame.right);
+                let width = if mark.wide { (right - left).max(1.6) } else { 1.6 };
+                let left = right - width;
                 // A few of many must look unlike all of them.
                 let height = frame.height() * (0.3 + 0.7 * share);
                 picture.rectangle(Frame { left, right, top: frame.bottom - height, ..frame }, mark.colour);

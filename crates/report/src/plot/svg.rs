@@ -1,6 +1,7 @@
 //! A picture as SVG.
 
 use super::canvas::{Anchor, Picture, Shape};
+use super::font;
 use super::palette::Colour;
 use std::fmt::Write;
 
@@ -52,8 +53,10 @@ fn element(shape: &Shape) -> String {
             } else {
                 String::new()
             };
+            // The viewer may have another font; the layout holds all the same.
+            let length = font::width(text, style.size, style.bold);
             format!(
-                "<text x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"{}\" text-anchor=\"{anchor}\" {}{weight}{turn}>{}</text>",
+                "<text xml:space=\"preserve\" x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"{}\" text-anchor=\"{anchor}\" textLength=\"{length:.1}\" lengthAdjust=\"spacingAndGlyphs\" {}{weight}{turn}>{}</text>",
                 style.size,
                 coloured("fill", style.colour),
                 escaped(text),
