@@ -7,6 +7,7 @@ mod chart;
 mod column;
 mod font;
 mod latency;
+mod legend;
 mod palette;
 mod pareto;
 mod raster;

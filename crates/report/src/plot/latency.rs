@@ -4,6 +4,7 @@ use super::axis::Ruler;
 use super::canvas::{Anchor, Frame, Picture, Stroke, TextStyle};
 use super::column::{Column, Columns};
 use super::font;
+use super::legend::{Legend, Swatch};
 use super::palette::{self, Colour};
 use crate::distribution::nearest_rank;
 use crate::{Distribution, HeadsetRun, Run};
@@ -101,7 +102,7 @@ fn picture(run: &Run, headsets: &[&HeadsetRun], note: Option<&str>) -> Picture {
     let binned = panels.iter().find_map(|panel| panel.columns.bin_secs);
     let sheet = Sheet::new(run, &panels);
 
-    let legend = Legend::new(run, &sheet, binned.is_some());
+    let legend = legend(run, &sheet, binned.is_some());
     let top = 66.0 + legend.height() + 8.0;
     let panels_height: f64 = panels.iter().map(Panel::height).sum();
     let empty_height = if panels.is_empty() { STACK_HEIGHT + 40.0 } else { 0.0 };
@@ -343,81 +344,19 @@ fn empty(picture: &mut Picture, frame: Frame, what: &str) {
     );
 }
 
-/// What the colours and lines mean, in as many rows as it takes.
-struct Legend {
-    rows: Vec<Vec<(Swatch, String)>>,
-}
-
-#[derive(Clone, Copy)]
-enum Swatch {
-    Filled(Colour),
-    Line(Stroke),
-    Triangle,
-}
-
-impl Legend {
-    const ROW: f64 = 22.0;
-    const SWATCH: f64 = 20.0;
-    const GAP: f64 = 18.0;
-
-    fn new(run: &Run, sheet: &Sheet, binned: bool) -> Self {
-        let stages = run.stages.iter().zip(&sheet.colours);
-        let mut items: Vec<_> =
-            stages.map(|(name, colour)| (Swatch::Filled(*colour), name.replace('_', " "))).collect();
-        let total = if binned { "total (p50)" } else { "total" };
-        items.push((Swatch::Line(Stroke::solid(palette::INK, 1.4)), total.to_owned()));
-        if binned {
-            items.push((Swatch::Line(Stroke::dashed(palette::INK, 1.4)), "total (p95)".to_owned()));
-        }
-        items.push((Swatch::Triangle, "beyond the axis".to_owned()));
-        items.push((Swatch::Filled(palette::ALARM), "late for its display time".to_owned()));
-        items.push((Swatch::Filled(palette::INK), "key frame".to_owned()));
-        items.push((Swatch::Line(RESOLUTION), "resolution, of full".to_owned()));
-        items.push((Swatch::Line(FINENESS), "full step over step".to_owned()));
-        let (mut rows, mut x) = (vec![Vec::new()], LEFT);
-        for item in items {
-            let width = Self::width(&item.1);
-            if x + width > WIDTH - RIGHT + Self::GAP && x > LEFT {
-                rows.push(Vec::new());
-                x = LEFT;
-            }
-            x += width;
-            rows.last_mut().expect("begins with one").push(item);
-        }
-        Self { rows }
+fn legend(run: &Run, sheet: &Sheet, binned: bool) -> Legend {
+    let stages = run.stages.iter().zip(&sheet.colours);
+    let mut items: Vec<_> =
+        stages.map(|(name, colour)| (Swatch::Filled(*colour), name.replace('_', " "))).collect();
+    let total = if binned { "total (p50)" } else { "total" };
+    items.push((Swatch::Line(Stroke::solid(palette::INK, 1.4)), total.to_owned()));
+    if binned {
+        items.push((Swatch::Line(Stroke::dashed(palette::INK, 1.4)), "total (p95)".to_owned()));
     }
-
-    fn width(text: &str) -> f64 {
-        Self::SWATCH + 6.0 + font::width(text, BODY, false) + Self::GAP
-    }
-
-    fn height(&self) -> f64 {
-        self.rows.len() as f64 * Self::ROW
-    }
-
-    fn draw(&self, picture: &mut Picture, top: f64) {
-        for (row, items) in self.rows.iter().enumerate() {
-            let middle = top + (row as f64 + 0.5) * Self::ROW;
-            let mut left = LEFT;
-            for (swatch, text) in items {
-                let right = left + Self::SWATCH;
-                match swatch {
-                    Swatch::Filled(colour) => {
-                        let frame = Frame { left, right, top: middle - 6.0, bottom: middle + 6.0 };
-                        picture.rectangle(frame, *colour);
-                        picture.outline(frame, Stroke::solid(palette::GRID, 1.0));
-                    }
-                    Swatch::Line(stroke) => picture.line(vec![[left, middle], [right, middle]], *stroke),
-                    Swatch::Triangle => {
-                        let x = f64::midpoint(left, right);
-                        let foot = middle + 4.0;
-                        picture.area(vec![[x - 4.5, foot], [x + 4.5, foot], [x, foot - 8.0]], palette::INK);
-                    }
-                }
-                let style = TextStyle::new(BODY, palette::INK);
-                picture.text([right + 6.0, middle + 5.0], text.as_str(), style);
-                left += Self::width(text);
-            }
-        }
-    }
+    items.push((Swatch::Triangle, "beyond the axis".to_owned()));
+    items.push((Swatch::Filled(palette::ALARM), "late for its display time".to_owned()));
+    items.push((Swatch::Filled(palette::INK), "key frame".to_owned()));
+    items.push((Swatch::Line(RESOLUTION), "resolution, of full".to_owned()));
+    items.push((Swatch::Line(FINENESS), "full step over step".to_owned()));
+    Legend::new(LEFT, WIDTH - RIGHT, items)
 }
