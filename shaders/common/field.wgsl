@@ -5,8 +5,8 @@ override EXACT_FILTER: bool = false;
 
 @group(1) @binding(0) var voxels: texture_3d<f32>;
 @group(1) @binding(1) var voxel_sampler: sampler;
-// Lowest and highest value in each cell of 8 voxels and a border voxel.
-@group(1) @binding(2) var<storage, read> cell_range: array<vec2<f32>>;
+// Highest value in each cell of 8 voxels and a border voxel.
+@group(1) @binding(2) var cell_maximum: texture_3d<f32>;
 
 const CELL: f32 = 8.0;
 // How near the border of a cell, in voxels, a sample is held to be outside: more than float32 can err by.
@@ -67,11 +67,6 @@ fn lit(color: vec3<f32>, cosine: f32) -> vec3<f32> {
 
 fn cell_of(p: vec3<f32>) -> vec3<i32> {
     return clamp(vec3<i32>(floor(p / CELL)), vec3<i32>(0), vec3<i32>(frame.cells) - 1);
-}
-
-fn cell_index(cell: vec3<i32>) -> u32 {
-    let c = vec3<u32>(cell);
-    return (c.z * frame.cells.y + c.y) * frame.cells.x + c.x;
 }
 
 // Millimetres from p along the ray to where it leaves the block of cells within `reach` of `cell`.

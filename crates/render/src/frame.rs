@@ -113,7 +113,7 @@ impl FrameRenderer {
                 end_of_pass_write_index: Some(begin + 1),
             })
         };
-        record_raycast(gpu, &mut encoder, scene, plan, &slot.frame_group, targets, stamps(0));
+        record_raycast(gpu, &mut encoder, scene, plan, &slot.frame_group, targets, stamps(0))?;
         {
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
                 label: Some("convert"),

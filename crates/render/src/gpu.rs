@@ -2,6 +2,7 @@
 
 use crate::error::{OpenError, RenderError};
 use crate::pipelines::Pipelines;
+use wgpu::util::DeviceExt as _;
 
 /// What a person wants to know about an adapter.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -139,6 +140,45 @@ impl Gpu {
                 usage,
                 mapped_at_creation: false,
             })
+        })
+    }
+
+    /// A texture of one or three dimensions with its content, which is small.
+    pub(crate) fn small_texture(
+        &self,
+        what: &'static str,
+        [width, height, depth]: [u32; 3],
+        dimension: wgpu::TextureDimension,
+        format: wgpu::TextureFormat,
+        content: &[u8],
+    ) -> Result<wgpu::TextureView, RenderError> {
+        self.guarded(what, || {
+            let texture = self.device.create_texture_with_data(
+                &self.queue,
+                &wgpu::TextureDescriptor {
+                    label: Some(what),
+                    size: wgpu::Extent3d { width, height, depth_or_array_layers: depth },
+                    mip_level_count: 1,
+                    sample_count: 1,
+                    dimension,
+                    format,
+                    usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+                    view_formats: &[],
+                },
+                wgpu::util::TextureDataOrder::LayerMajor,
+                content,
+            );
+            texture.create_view(&wgpu::TextureViewDescriptor::default())
+        })
+    }
+
+    /// A sampler that interpolates and holds the nearest value outside.
+    pub(crate) fn linear_sampler(&self) -> wgpu::Sampler {
+        self.device.create_sampler(&wgpu::SamplerDescriptor {
+            label: Some("linear"),
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            ..Default::default()
         })
     }
 

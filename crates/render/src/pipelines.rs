@@ -2,6 +2,7 @@
 
 use crate::scene_on_device::SceneNumbers;
 use crate::shaders;
+use crate::table::ENTRIES;
 use crate::{Quality, Sampling};
 use scene::Mode;
 use std::collections::HashMap;
@@ -78,15 +79,19 @@ impl Pipelines {
         let uniform = buffer(wgpu::BufferBindingType::Uniform);
         let read = buffer(wgpu::BufferBindingType::Storage { read_only: true });
         let write = buffer(wgpu::BufferBindingType::Storage { read_only: false });
-        let voxels = wgpu::BindingType::Texture {
-            sample_type: wgpu::TextureSampleType::Float { filterable: true },
-            view_dimension: wgpu::TextureViewDimension::D3,
+        let texture = |sample_type, view_dimension| wgpu::BindingType::Texture {
+            sample_type,
+            view_dimension,
             multisampled: false,
         };
+        let filtered = wgpu::TextureSampleType::Float { filterable: true };
+        let voxels = texture(filtered, wgpu::TextureViewDimension::D3);
+        let table = texture(filtered, wgpu::TextureViewDimension::D1);
+        let cells = texture(wgpu::TextureSampleType::Uint, wgpu::TextureViewDimension::D3);
         let sampler = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
         let frame_layout = layout("frame", &[uniform]);
-        let volume_layout = layout("volume", &[voxels, sampler, read]);
-        let scene_layout = layout("scene", &[read, read, read]);
+        let volume_layout = layout("volume", &[voxels, sampler, voxels]);
+        let scene_layout = layout("scene", &[cells, table, sampler, read]);
         let picture_layout = layout("picture", &[write, write]);
         let convert_layout = layout("convert", &[read, write]);
         let depth_layout = layout("depth", &[read, read, write]);
@@ -144,6 +149,7 @@ impl Pipelines {
             ("LIT", flag(features.lit)),
             ("SKIP", flag(features.skip)),
             ("EXACT_FILTER", flag(features.exact_filter)),
+            ("ENTRIES", ENTRIES as f64),
         ];
         let made = Arc::new(make(device, &self.raycast_module, &self.raycast_layout, "raycast", &constants));
         lock().entry(features).or_insert(made).clone()

@@ -4,7 +4,7 @@ use crate::error::RenderError;
 use crate::gpu::Gpu;
 use crate::layout::GpuFrame;
 use crate::pipelines::Features;
-use crate::table::{SeenValues, TableDomain, extinction_table, optical_table};
+use crate::table::{ENTRIES, SeenValues, TableDomain, extinction_table, optical_table};
 use crate::volume_on_device::SharedVolume;
 use scene::{Mode, Scene};
 use std::collections::HashMap;
@@ -32,7 +32,8 @@ pub struct SceneOnDevice {
     pub(crate) volume: SharedVolume,
     numbers: SceneNumbers,
     domain: TableDomain,
-    distances: wgpu::Buffer,
+    distances: wgpu::TextureView,
+    table_sampler: wgpu::Sampler,
     extinction: wgpu::Buffer,
     bind_groups: Mutex<HashMap<u64, Arc<wgpu::BindGroup>>>,
 }
@@ -66,18 +67,23 @@ impl SceneOnDevice {
             Mode::Maximum => true,
             _ => distances.iter().any(|&d| d > 0),
         };
-        let buffer = |label, contents: &[u8]| {
-            gpu.guarded("the scene's tables", || {
-                let usage = wgpu::BufferUsages::STORAGE;
-                gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-                    label: Some(label),
-                    contents,
-                    usage,
-                })
+        let cells = if distances.len() == 1 { [1; 3] } else { channel.cells.dims.map(|d| d as u32) };
+        // Farther than 255 cells is looked at again there.
+        let distances: Vec<u8> = distances.iter().map(|&d| d.min(255) as u8).collect();
+        let distances = gpu.small_texture(
+            "the scene's cells",
+            cells,
+            wgpu::TextureDimension::D3,
+            wgpu::TextureFormat::R8Uint,
+            &distances,
+        )?;
+        let extinction = gpu.guarded("the scene's extinction", || {
+            gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+                label: Some("extinction"),
+                contents: bytemuck::cast_slice(&extinction_table(scene, domain)),
+                usage: wgpu::BufferUsages::STORAGE,
             })
-        };
-        let distances = buffer("distance to seen", bytemuck::cast_slice(&distances))?;
-        let extinction = buffer("extinction", bytemuck::cast_slice(&extinction_table(scene, domain)))?;
+        })?;
         let frame = frame_numbers(scene, domain, channel.value_scale, channel.value_offset);
         let numbers = SceneNumbers { mode: scene.mode, lit: scene.light.is_some(), has_empty_cells, frame };
         Ok(Self {
@@ -87,6 +93,7 @@ impl SceneOnDevice {
             numbers,
             domain,
             distances,
+            table_sampler: gpu.linear_sampler(),
             extinction,
             bind_groups: Mutex::default(),
         })
@@ -120,32 +127,41 @@ impl SceneOnDevice {
     }
 
     /// Table and distances, for samples `step_mm` apart.
-    pub(crate) fn scene_group(&self, step_mm: f64) -> Arc<wgpu::BindGroup> {
+    pub(crate) fn scene_group(&self, step_mm: f64) -> Result<Arc<wgpu::BindGroup>, RenderError> {
         // Bind groups are whole or absent, whatever panicked elsewhere.
         let mut kept = self.bind_groups.lock().unwrap_or_else(PoisonError::into_inner);
         let key = step_mm.to_bits();
         if let Some(found) = kept.get(&key) {
-            return found.clone();
+            return Ok(found.clone());
         }
         if kept.len() >= TABLES_KEPT {
             kept.clear();
         }
-        let table = self.gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: Some("table"),
-            contents: bytemuck::cast_slice(&optical_table(&self.scene, self.domain, step_mm)),
-            usage: wgpu::BufferUsages::STORAGE,
-        });
+        let table = self.gpu.small_texture(
+            "the scene's table",
+            [ENTRIES as u32, 1, 1],
+            wgpu::TextureDimension::D1,
+            wgpu::TextureFormat::Rgba32Float,
+            bytemuck::cast_slice(&optical_table(&self.scene, self.domain, step_mm)),
+        )?;
         let group = Arc::new(self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("scene"),
             layout: &self.gpu.pipelines.scene_layout,
             entries: &[
-                wgpu::BindGroupEntry { binding: 0, resource: self.distances.as_entire_binding() },
-                wgpu::BindGroupEntry { binding: 1, resource: table.as_entire_binding() },
-                wgpu::BindGroupEntry { binding: 2, resource: self.extinction.as_entire_binding() },
+                wgpu::BindGroupEntry {
+                    binding: 0,
+                    resource: wgpu::BindingResource::TextureView(&self.distances),
+                },
+                wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::TextureView(&table) },
+                wgpu::BindGroupEntry {
+                    binding: 2,
+                    resource: wgpu::BindingResource::Sampler(&self.table_sampler),
+                },
+                wgpu::BindGroupEntry { binding: 3, resource: self.extinction.as_entire_binding() },
             ],
         }));
         kept.insert(key, group.clone());
-        group
+        Ok(group)
     }
 }
 

@@ -75,7 +75,7 @@ impl StillRenderer {
         )?;
         let mut encoder =
             gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("still") });
-        record_raycast(gpu, &mut encoder, scene, plan, &frame_group, &targets, None);
+        record_raycast(gpu, &mut encoder, scene, plan, &frame_group, &targets, None)?;
         encoder.copy_buffer_to_buffer(&targets.picture, 0, &read_back, 0, Some(picture_bytes));
         encoder.copy_buffer_to_buffer(&targets.depth, 0, &read_back, picture_bytes, Some(depth_bytes));
         gpu.queue.submit([encoder.finish()]);

@@ -77,7 +77,8 @@ pub(crate) fn record_raycast(
     frame_group: &wgpu::BindGroup,
     targets: &Targets,
     timestamps: Option<wgpu::ComputePassTimestampWrites<'_>>,
-) {
+) -> Result<(), RenderError> {
+    let scene_group = scene.scene_group(plan.step_mm())?;
     let pipeline = gpu.pipelines.raycast(&gpu.device, plan.features);
     let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
         label: Some("raycast"),
@@ -86,8 +87,9 @@ pub(crate) fn record_raycast(
     pass.set_pipeline(&pipeline);
     pass.set_bind_group(0, frame_group, &[]);
     pass.set_bind_group(1, scene.volume_group(), &[]);
-    pass.set_bind_group(2, &*scene.scene_group(plan.step_mm()), &[]);
+    pass.set_bind_group(2, &*scene_group, &[]);
     pass.set_bind_group(3, &targets.picture_group, &[]);
     let [width, height] = plan.render_size_px();
     pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), plan.eye_count());
+    Ok(())
 }

@@ -5,7 +5,6 @@ use crate::error::RenderError;
 use crate::gpu::Gpu;
 use std::sync::Arc;
 use volume::{Channel, Grid, Volume, Voxels};
-use wgpu::util::DeviceExt as _;
 
 /// Bytes uploaded at a time: what the driver holds twice while it copies.
 const SLAB_BYTES: usize = 8 << 20;
@@ -135,18 +134,16 @@ impl ChannelOnDevice {
     }
 
     fn bind(gpu: &Gpu, texture: &wgpu::Texture, cells: &CellRanges) -> Result<wgpu::BindGroup, RenderError> {
-        gpu.guarded("the volume's cells", || {
-            let buffer = gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-                label: Some("cells"),
-                contents: bytemuck::cast_slice(&cells.ranges),
-                usage: wgpu::BufferUsages::STORAGE,
-            });
-            let sampler = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
-                label: Some("volume"),
-                mag_filter: wgpu::FilterMode::Linear,
-                min_filter: wgpu::FilterMode::Linear,
-                ..Default::default()
-            });
+        let highest: Vec<f32> = cells.ranges.iter().map(|r| r[1]).collect();
+        let maximum = gpu.small_texture(
+            "the volume's cells",
+            cells.dims.map(|d| d as u32),
+            wgpu::TextureDimension::D3,
+            wgpu::TextureFormat::R32Float,
+            bytemuck::cast_slice(&highest),
+        )?;
+        let sampler = gpu.linear_sampler();
+        gpu.guarded("the volume's bindings", || {
             let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
             gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: Some("volume"),
@@ -154,7 +151,10 @@ impl ChannelOnDevice {
                 entries: &[
                     wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(&view) },
                     wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&sampler) },
-                    wgpu::BindGroupEntry { binding: 2, resource: buffer.as_entire_binding() },
+                    wgpu::BindGroupEntry {
+                        binding: 2,
+                        resource: wgpu::BindingResource::TextureView(&maximum),
+                    },
                 ],
             })
         })

@@ -4,7 +4,7 @@ use crate::cli::Render;
 use crate::commands::shown::{Shown, quality_named};
 use crate::terminal::{say, tell};
 use ::render::{
-    DepthGridSize, FrameRenderer, Gpu, GpuTimes, Placed, Quality, SceneOnDevice, StereoPlan, StereoRequest,
+    DepthGridSize, FrameRenderer, Gpu, GpuTimes, Placed, SceneOnDevice, StereoPlan, StereoRequest,
     StillRenderer, VolumeOnDevice,
 };
 use anyhow::Context as _;
