@@ -78,7 +78,7 @@ fn a_peer_that_vanishes_is_noticed() {
         || tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
     let (here, there) = (runtime(), runtime());
     let hasty =
-        TransportSettings { max_idle_timeout: Duration::from_millis(500), ..TransportSettings::default() };
+        TransportSettings { max_idle_timeout: Duration::from_secs(2), ..TransportSettings::default() };
     let server = here.block_on(async { server(&hasty) });
     let (address, fingerprint) = (server.address.clone(), server.fingerprint);
     let patient = settings();
@@ -89,7 +89,7 @@ fn a_peer_that_vanishes_is_noticed() {
     there.shutdown_background();
     let (by_peer, code, reason) = here.block_on(end(&mut called));
     assert_eq!((by_peer, code), (false, None));
-    assert!(reason.contains("within 500 ms"), "{reason}");
+    assert!(reason.contains("within 2000 ms"), "{reason}");
     assert_eq!(called.send_control(&b"x"[..]), Err(SendControlError::Closed));
     assert_eq!(called.send_stream(1, &b"x"[..], 1), Err(SendStreamError::Closed));
     drop((client, called));
@@ -113,4 +113,28 @@ async fn garbage_on_the_port_disturbs_nobody() {
     assert_eq!(control(&mut called, 10).await, b"still here");
     drop((client, called));
     server.is_empty().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn peers_that_nobody_accepts_are_refused_in_the_end() {
+    let server = server(&TransportSettings { max_handshakes: 2, ..settings() });
+    let calls: Vec<_> = (0..20)
+        .map(|_| {
+            let (address, fingerprint) = (server.address.clone(), server.fingerprint);
+            tokio::spawn(async move { connect(&address, fingerprint, PROTOCOL, &settings()).await })
+        })
+        .collect();
+    let mut connections = Vec::new();
+    for call in calls {
+        match within(call).await.unwrap() {
+            Ok(connection) => connections.push(connection),
+            Err(error) => assert!(matches!(error, ConnectError::Refused { code: None, .. }), "{error:?}"),
+        }
+    }
+    // Eight wait to be accepted, two are still in their handshake's place.
+    assert!((1..=10).contains(&connections.len()), "{} got through", connections.len());
+    for _ in &connections {
+        assert!(within(server.endpoint.accept()).await.is_some());
+    }
+    server.pair(&settings()).await;
 }
