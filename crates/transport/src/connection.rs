@@ -343,6 +343,7 @@ fn closed(error: &ConnectionError, settings: &TransportSettings) -> Event {
     Event::Closed { by_peer, code, reason }
 }
 
-fn shortened(reason: &str) -> &str {
+/// As much of a reason as is sent.
+pub(crate) fn shortened(reason: &str) -> &str {
     &reason[..reason.floor_char_boundary(MAX_REASON_BYTES)]
 }

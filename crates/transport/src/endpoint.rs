@@ -1,5 +1,6 @@
 //! Where a server listens.
 
+use crate::connection::shortened;
 use crate::tls::{TlsError, server_config};
 use crate::{Connection, Identity, TransportSettings, socket};
 use quinn::{EndpointConfig, TokioRuntime, VarInt};
@@ -105,7 +106,7 @@ impl ServerEndpoint {
     /// Closes the port and every connection, telling the peers `code` and `reason`, and waits a moment for them to
     /// hear of it. Whatever is to be said on a control stream must have been said before.
     pub async fn close(&self, code: u64, reason: &str) {
-        self.endpoint.close(VarInt::from_u64(code).unwrap_or(VarInt::MAX), reason.as_bytes());
+        self.endpoint.close(VarInt::from_u64(code).unwrap_or(VarInt::MAX), shortened(reason).as_bytes());
         let _ = timeout(self.settings.close_grace, self.endpoint.wait_idle()).await;
     }
 }

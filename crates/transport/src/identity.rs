@@ -88,6 +88,13 @@ impl Identity {
         self.key.clone()
     }
 
+    /// One that shows `self`'s certificate but holds another key.
+    #[cfg(test)]
+    pub(crate) fn with_key_of(&self, other: &Self) -> Self {
+        let key = CertifiedKey::new(self.key.cert.clone(), other.key.key.clone());
+        Self { key: Arc::new(key), fingerprint: self.fingerprint }
+    }
+
     /// `None` if there is no such file.
     fn load(path: &Path) -> Result<Option<Self>, IdentityError> {
         match fs::read_to_string(path) {

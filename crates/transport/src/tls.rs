@@ -130,3 +130,26 @@ impl ServerCertVerifier for PinnedVerifier {
         self.algorithms.supported_schemes()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{ConnectError, ServerEndpoint, TransportSettings, connect};
+
+    #[tokio::test]
+    async fn a_certificate_without_its_key_is_worth_nothing() {
+        let (server, thief) = (Identity::ephemeral().unwrap(), Identity::ephemeral().unwrap());
+        let settings = TransportSettings::default();
+        let check = async |identity: &Identity| {
+            let endpoint =
+                ServerEndpoint::bind(([127, 0, 0, 1], 0).into(), identity, &[b"test/1"], &settings).unwrap();
+            let address = endpoint.local_addr().unwrap().to_string();
+            connect(&address, server.fingerprint(), b"test/1", &settings).await
+        };
+        check(&server).await.unwrap();
+        // The fingerprint is right, the signature is not.
+        let error = check(&server.with_key_of(&thief)).await.unwrap_err();
+        assert!(matches!(error, ConnectError::Handshake { .. }), "{error:?}");
+        assert!(error.to_string().contains("BadSignature"), "{error}");
+    }
+}
