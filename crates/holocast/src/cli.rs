@@ -23,6 +23,10 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     /// Serve a volume to headsets
     Serve(Serve),
+    /// Be a headset: replay a trace of head poses, decode and check every frame, report where the time went
+    Headset(HeadsetArguments),
+    /// Be many headsets at once, each with its own connection, phase and place in its trace
+    Load(Load),
     /// Draw a still picture of a scene, without a network
     Render(Render),
     /// Say what a volume is: dimensions, spacing, orientation, type, range, histogram
@@ -81,6 +85,99 @@ pub(crate) struct Serve {
     /// Where it listens, what headsets pin and what it shows, as one line of JSON on standard output
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// What one and many simulated headsets are told.
+#[derive(Debug, Args)]
+pub(crate) struct Simulated {
+    /// The server
+    #[arg(long, value_name = "HOST:PORT")]
+    pub(crate) connect: String,
+    /// The fingerprint of the server's certificate, as the server prints it
+    #[arg(long, value_name = "SHA-256")]
+    pub(crate) fingerprint: String,
+    /// The code that the server asks for
+    #[arg(long, default_value = "", value_name = "CODE", hide_default_value = true)]
+    pub(crate) pairing_code: String,
+    /// hololens1, hololens2, or the pixels of one eye as WxH
+    #[arg(long, default_value = "hololens1", value_name = "DEVICE")]
+    pub(crate) device: String,
+    /// Poses, and so frames, a second
+    #[arg(long, default_value_t = 60.0, value_name = "HZ")]
+    pub(crate) hz: f32,
+    /// For how long
+    #[arg(long, default_value_t = 10.0, value_name = "N")]
+    pub(crate) seconds: f64,
+    /// What follows a trace's end: loop, hold, ping-pong
+    #[arg(long, default_value = "ping-pong", value_name = "ENDING")]
+    pub(crate) ending: String,
+    /// Replay the trace where it was recorded. Without this it is turned and moved so that it begins in front of the
+    /// hologram, and its gaze is held within reach of it
+    #[arg(long)]
+    pub(crate) as_recorded: bool,
+    /// Where the hologram is, metres in the room
+    #[arg(long, default_value = "0,1.5,-2", value_name = "X,Y,Z", allow_hyphen_values = true)]
+    pub(crate) hologram: String,
+    /// How far from it a trace begins, metres
+    #[arg(long, default_value_t = 1.6, value_name = "M")]
+    pub(crate) distance_m: f64,
+    /// From which side, degrees about the vertical
+    #[arg(long, default_value_t = 0.0, value_name = "DEG", allow_hyphen_values = true)]
+    pub(crate) azimuth_deg: f64,
+    /// Ask for another scene after so many seconds: SECONDS:SCENE.json, may be given several times
+    #[arg(long, value_name = "SECONDS:FILE")]
+    pub(crate) change_scene: Vec<String>,
+    /// Write the report here (JSON, see docs/report-format.md)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) report: Option<PathBuf>,
+    /// Write every frame's times here (CSV)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) frames_csv: Option<PathBuf>,
+    /// Paint the stages of each frame over time here (PNG)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) latency_plot: Option<PathBuf>,
+    /// The report as JSON on standard output, instead of a table
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Be a headset.
+#[derive(Debug, Args)]
+pub(crate) struct HeadsetArguments {
+    #[command(flatten)]
+    pub(crate) simulated: Simulated,
+    /// The trace of head poses: eye-pair CSV, motion-capture JSON, TUM text or JSON lines (docs/trace-format.md), or
+    /// `orbit`
+    #[arg(long, value_name = "FILE")]
+    pub(crate) trace: String,
+    /// Its name in the report; by default the trace's
+    #[arg(long, value_name = "NAME")]
+    pub(crate) name: Option<String>,
+    /// Write decoded pictures here, left and right (PNG)
+    #[arg(long, value_name = "DIR")]
+    pub(crate) save: Option<PathBuf>,
+    /// How many pairs, spread over the run
+    #[arg(long, default_value_t = 6, value_name = "N")]
+    pub(crate) save_count: u32,
+    /// Write the stream as it came here (MP4)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) record: Option<PathBuf>,
+}
+
+/// Be many headsets.
+#[derive(Debug, Args)]
+pub(crate) struct Load {
+    #[command(flatten)]
+    pub(crate) simulated: Simulated,
+    /// How many headsets
+    #[arg(long, value_name = "N")]
+    pub(crate) headsets: usize,
+    /// How many of them come in a second; all at once without it
+    #[arg(long, default_value_t = 0.0, value_name = "PER_SECOND", hide_default_value = true)]
+    pub(crate) ramp: f64,
+    /// Traces, replayed in turn; may be given several times. Without one, each walks in a circle around the hologram
+    #[arg(long, value_name = "FILE")]
+    pub(crate) trace: Vec<String>,
 }
 
 /// Draw a still picture.

@@ -2,6 +2,7 @@
 
 mod cli;
 mod commands;
+mod machine;
 mod terminal;
 
 use clap::Parser as _;

@@ -112,7 +112,7 @@ fn encode(shared: &Shared, seat: &Seat, stream: &Stream, encoder: &mut Encoder, 
     match sent {
         Ok(FrameFate::Sent | FrameFate::Closed) => {}
         Ok(FrameFate::Undecodable) => {
-            tracing::debug!(session = seat.id, frame = number, "a key frame is due")
+            tracing::debug!(session = seat.id, frame = number, "a key frame is due");
         }
         Err(error) => tracing::warn!(session = seat.id, frame = number, "frame not sent: {error}"),
     }

@@ -1,10 +1,14 @@
 //! What each command does.
 
 mod adapters;
+mod headset;
 mod info;
+mod load;
 mod render;
+mod reporting;
 mod serve;
 mod shown;
+mod simulated;
 
 use crate::cli::Command;
 
@@ -12,6 +16,8 @@ use crate::cli::Command;
 pub(crate) fn run(command: Command) -> anyhow::Result<()> {
     match command {
         Command::Serve(arguments) => serve::run(&arguments),
+        Command::Headset(arguments) => headset::run(&arguments),
+        Command::Load(arguments) => load::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
         Command::Info(arguments) => info::run(&arguments),
         Command::Adapters { json } => adapters::run(json),

@@ -67,8 +67,22 @@ pub(crate) fn run(arguments: &Serve) -> anyhow::Result<()> {
         }
         tell("stopping: saying goodbye to the headsets");
         server.shutdown().await;
-        Ok(())
+        say_usage(arguments.json)
     })
+}
+
+/// What serving took of the machine.
+fn say_usage(json: bool) -> anyhow::Result<()> {
+    let usage = headset::ProcessUsage::now();
+    if json {
+        say(serde_json::to_string(&usage)?);
+    } else if let (Some(cpu_secs), Some(peak)) = (usage.cpu_secs, usage.rss_peak_bytes) {
+        say(format!(
+            "used         {cpu_secs:.1} s of processor time, at most {} MB of memory",
+            peak / 1_000_000
+        ));
+    }
+    Ok(())
 }
 
 /// Ctrl-C, or the polite signal that service managers send.
