@@ -1,29 +1,25 @@
 // The picture as the encoder takes it: both eyes side by side, YUV 4:2:0, BT.709, limited range, chroma sited between
 // the two columns and rows it stands for. Scaled up bilinearly where the rays were fewer than the pixels.
 
-@group(1) @binding(0) var<storage, read> picture: array<vec4<f32>>;
-@group(1) @binding(1) var<storage, read_write> planes: array<u32>;
+// A layer an eye; larger than the picture, which lies in its upper left corner.
+@group(1) @binding(0) var picture: texture_2d_array<f32>;
+@group(1) @binding(1) var picture_sampler: sampler;
+@group(1) @binding(2) var<storage, read_write> planes: array<u32>;
 
 override SCALED: bool = false;
 
-fn ray_cast(eye: u32, pixel: vec2<u32>) -> vec3<f32> {
-    let p = picture[(eye * frame.render_size.y + pixel.y) * frame.render_size.x + pixel.x];
-    return p.rgb + (1.0 - p.a) * frame.background;
-}
-
 fn shown(eye: u32, pixel: vec2<u32>) -> vec3<f32> {
-    if (!SCALED) {
-        return ray_cast(eye, pixel);
+    var p: vec4<f32>;
+    if (SCALED) {
+        let scale = vec2<f32>(frame.render_size) / vec2<f32>(frame.output_size);
+        // Held half a texel inside the picture: what lies beyond is another frame's.
+        let most = vec2<f32>(frame.render_size) - 0.5;
+        let q = clamp((vec2<f32>(pixel) + 0.5) * scale, vec2<f32>(0.5), most);
+        p = textureSampleLevel(picture, picture_sampler, q / vec2<f32>(textureDimensions(picture)), eye, 0.0);
+    } else {
+        p = textureLoad(picture, pixel, eye, 0);
     }
-    let scale = vec2<f32>(frame.render_size) / vec2<f32>(frame.output_size);
-    let most = vec2<f32>(frame.render_size - 1u);
-    let q = clamp((vec2<f32>(pixel) + 0.5) * scale - 0.5, vec2<f32>(0.0), most);
-    let a = vec2<u32>(q);
-    let b = min(a + 1u, frame.render_size - 1u);
-    let f = q - vec2<f32>(a);
-    let upper = mix(ray_cast(eye, a), ray_cast(eye, vec2<u32>(b.x, a.y)), f.x);
-    let lower = mix(ray_cast(eye, vec2<u32>(a.x, b.y)), ray_cast(eye, b), f.x);
-    return mix(upper, lower, f.y);
+    return p.rgb + (1.0 - p.a) * frame.background;
 }
 
 fn luma(c: vec3<f32>) -> u32 {

@@ -1,8 +1,8 @@
 // A coarse grid of depths for each eye, so that a headset can shift a late picture: millimetres of room, as 16 bits,
 // 0 where nothing is seen.
 
-@group(1) @binding(0) var<storage, read> depth_mm: array<f32>;
-@group(1) @binding(1) var<storage, read> picture: array<vec4<f32>>;
+@group(1) @binding(0) var depth_mm: texture_2d_array<f32>;
+@group(1) @binding(1) var picture: texture_2d_array<f32>;
 @group(1) @binding(2) var<storage, read_write> grid: array<u32>;
 
 // Rays looked at across a cell of the grid, each way.
@@ -17,10 +17,10 @@ fn cell_depth(eye: u32, column: u32, row: u32) -> u32 {
     for (var k = 0u; k < PROBES * PROBES; k += 1u) {
         let offset = vec2<u32>(k % PROBES, k / PROBES) * size / PROBES;
         let pixel = min(begin + offset, frame.render_size - 1u);
-        let place = (eye * frame.render_size.y + pixel.y) * frame.render_size.x + pixel.x;
-        if (depth_mm[place] > 0.0) {
-            let w = picture[place].a;
-            sum += w * depth_mm[place];
+        let depth = textureLoad(depth_mm, pixel, eye, 0).r;
+        if (depth > 0.0) {
+            let w = textureLoad(picture, pixel, eye, 0).a;
+            sum += w * depth;
             weight += w;
         }
     }

@@ -24,8 +24,9 @@ const REFINEMENTS: i32 = 16;
 // Extinction a millimetre, by value: for the one sample that stands for less than a step.
 @group(2) @binding(3) var<storage, read> extinction: array<f32>;
 
-@group(3) @binding(0) var<storage, read_write> picture: array<vec4<f32>>;
-@group(3) @binding(1) var<storage, read_write> depth_mm: array<f32>;
+// A layer an eye.
+@group(3) @binding(0) var picture: texture_storage_2d_array<rgba32float, write>;
+@group(3) @binding(1) var depth_mm: texture_storage_2d_array<r32float, write>;
 
 struct Ray {
     // t is millimetres along the ray from the anchor; the eye lies at t = -eye_distance_mm.
@@ -310,7 +311,7 @@ fn raycast(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
             out = cumulated(ray);
         }
     }
-    let place = (eye * frame.render_size.y + pixel.y) * frame.render_size.x + pixel.x;
-    picture[place] = vec4<f32>(out.color, out.opacity);
-    depth_mm[place] = select(0.0, max(out.depth_mm + ray.eye_distance_mm, 1.0e-30), out.has_depth);
+    let depth = select(0.0, max(out.depth_mm + ray.eye_distance_mm, 1.0e-30), out.has_depth);
+    textureStore(picture, pixel, eye, vec4<f32>(out.color, out.opacity));
+    textureStore(depth_mm, pixel, eye, vec4<f32>(depth, 0.0, 0.0, 0.0));
 }

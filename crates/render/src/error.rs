@@ -46,6 +46,14 @@ pub enum RenderError {
         /// The device's limit.
         max: u32,
     },
+    /// The picture has more pixels along a side than a texture may have.
+    #[error("one eye's picture has {size_px:?} pixels, the device allows {max} along each side")]
+    PictureTooLarge {
+        /// Pixels across and down.
+        size_px: [u32; 2],
+        /// The device's limit.
+        max: u32,
+    },
     /// A buffer would be larger than the device allows.
     #[error("{what} needs {bytes} bytes, the device allows {max} in one buffer")]
     BufferTooLarge {

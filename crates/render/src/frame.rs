@@ -96,10 +96,11 @@ impl FrameRenderer {
         plan: &StereoPlan,
     ) -> Result<wgpu::SubmissionIndex, RenderError> {
         let gpu = &self.gpu;
-        let targets = match &self.targets {
+        let targets = match self.targets.take() {
             Some(targets) if targets.hold(plan) => targets,
-            _ => self.targets.insert(Targets::new(gpu, plan)?),
+            before => Targets::new(gpu, plan, before.as_ref())?,
         };
+        let targets = &*self.targets.insert(targets);
         let layout = ReadBack::of(plan);
         let read_back = slot.read_back(gpu, layout.total)?;
         gpu.queue.write_buffer(&slot.uniform, 0, bytemuck::bytes_of(&plan.frame));

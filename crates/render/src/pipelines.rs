@@ -8,6 +8,11 @@ use scene::Mode;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
+/// Colour multiplied by opacity, and opacity.
+pub(crate) const PICTURE_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
+/// Depth in millimetres.
+pub(crate) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R32Float;
+
 /// What a scene uses of the ray-caster: the rest is not in its pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Features {
@@ -92,9 +97,16 @@ impl Pipelines {
         let frame_layout = layout("frame", &[uniform]);
         let volume_layout = layout("volume", &[voxels, sampler, voxels]);
         let scene_layout = layout("scene", &[cells, table, sampler, read]);
-        let picture_layout = layout("picture", &[write, write]);
-        let convert_layout = layout("convert", &[read, write]);
-        let depth_layout = layout("depth", &[read, read, write]);
+        let layers = wgpu::TextureViewDimension::D2Array;
+        let written = |format| wgpu::BindingType::StorageTexture {
+            access: wgpu::StorageTextureAccess::WriteOnly,
+            format,
+            view_dimension: layers,
+        };
+        let picture = texture(filtered, layers);
+        let picture_layout = layout("picture", &[written(PICTURE_FORMAT), written(DEPTH_FORMAT)]);
+        let convert_layout = layout("convert", &[picture, sampler, write]);
+        let depth_layout = layout("depth", &[picture, picture, write]);
 
         let pipeline_layout = |label: &str, groups: &[&wgpu::BindGroupLayout]| {
             let groups: Vec<_> = groups.iter().map(|&g| Some(g)).collect();

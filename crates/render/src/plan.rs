@@ -204,11 +204,6 @@ impl StereoPlan {
         self.render_size_px != self.output_size_px
     }
 
-    /// Rays of all eyes.
-    pub(crate) fn rays(&self) -> u64 {
-        u64::from(self.render_size_px[0]) * u64::from(self.render_size_px[1]) * u64::from(self.eye_count)
-    }
-
     /// Bytes of a row of luma.
     pub(crate) fn luma_stride(&self) -> usize {
         self.frame.luma_stride as usize

@@ -3,10 +3,11 @@
 use crate::error::RenderError;
 use crate::gpu::Gpu;
 use crate::layout::GpuFrame;
-use crate::pipelines::Features;
 use crate::table::{ENTRIES, SeenValues, TableDomain, extinction_table, optical_table};
 use crate::volume_on_device::SharedVolume;
+use crate::{DepthGridSize, FrameRenderer, Placed, Quality, StereoPlan, StereoRequest};
 use scene::{Mode, Scene};
+use spatial::{EyeView, Fov, Pose};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 use wgpu::util::DeviceExt as _;
@@ -117,9 +118,31 @@ impl SceneOnDevice {
         &self.numbers
     }
 
-    /// Compiles what frames of this quality need, so that the first of them does not wait.
-    pub fn prepare(&self, quality: &crate::Quality) {
-        self.gpu.pipelines.raycast(&self.gpu.device, Features::of(&self.numbers, quality));
+    /// Compiles what frames of this quality need and casts a few rays, so that the first frame does not wait: software
+    /// drivers translate a shader only when it first runs.
+    ///
+    /// # Errors
+    /// If the device has no room or was lost.
+    pub fn prepare(&self, quality: &Quality) -> Result<(), RenderError> {
+        let eye = EyeView {
+            world_from_eye: Pose::IDENTITY,
+            fov: Fov { left: -0.1, right: 0.1, up: 0.1, down: -0.1 },
+        };
+        for resolution_scale in [1.0, 0.5] {
+            let request = StereoRequest {
+                eyes: &[eye],
+                placed: Placed::in_room(&self.scene.placement, self.grid()),
+                eye_size_px: [16, 16],
+                quality: Quality { resolution_scale, ..*quality },
+                step_mm: None,
+                depth_grid: DepthGridSize { columns: 1, rows: 1 },
+            };
+            let plan = StereoPlan::new(&request, self.grid(), &self.numbers).map_err(|e| {
+                RenderError::Device { what: "the scene's first frame", reason: e.to_string() }
+            })?;
+            FrameRenderer::new(&self.gpu, 1)?.submit(self, &plan)?.finish()?;
+        }
+        Ok(())
     }
 
     pub(crate) fn volume_group(&self) -> &wgpu::BindGroup {

@@ -5,7 +5,7 @@ use crate::error::RenderError;
 use crate::gpu::Gpu;
 use crate::layout::GpuFrame;
 use crate::scene_on_device::SceneOnDevice;
-use crate::targets::{PIXEL_BYTES, Targets, frame_group, record_raycast};
+use crate::targets::{Targets, frame_group, record_raycast};
 use std::sync::{Arc, mpsc};
 
 /// A picture of one or two eyes, at the size its rays were cast.
@@ -62,12 +62,16 @@ impl StillRenderer {
     pub fn render(&self, scene: &SceneOnDevice, plan: &StereoPlan) -> Result<Still, RenderError> {
         use wgpu::BufferUsages as Usage;
         let gpu = &self.gpu;
-        let targets = Targets::new(gpu, plan)?;
+        let targets = Targets::new(gpu, plan, None)?;
         let uniform =
             gpu.buffer("a frame's numbers", size_of::<GpuFrame>() as u64, Usage::UNIFORM | Usage::COPY_DST)?;
         gpu.queue.write_buffer(&uniform, 0, bytemuck::bytes_of(&plan.frame));
         let frame_group = frame_group(gpu, &uniform);
-        let (picture_bytes, depth_bytes) = (plan.rays() * PIXEL_BYTES, plan.rays() * 4);
+        let [width, height] = plan.render_size_px();
+        let (picture_rows, depth_rows) = (Rows::of(width, PIXEL_BYTES), Rows::of(width, DEPTH_BYTES));
+        let lines = u64::from(height * plan.eye_count());
+        let picture_bytes = lines * u64::from(picture_rows.padded);
+        let depth_bytes = lines * u64::from(depth_rows.padded);
         let read_back = gpu.buffer(
             "the picture's read-back",
             picture_bytes + depth_bytes,
@@ -76,8 +80,23 @@ impl StillRenderer {
         let mut encoder =
             gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("still") });
         record_raycast(gpu, &mut encoder, scene, plan, &frame_group, &targets, None)?;
-        encoder.copy_buffer_to_buffer(&targets.picture, 0, &read_back, 0, Some(picture_bytes));
-        encoder.copy_buffer_to_buffer(&targets.depth, 0, &read_back, picture_bytes, Some(depth_bytes));
+        let size = wgpu::Extent3d { width, height, depth_or_array_layers: plan.eye_count() };
+        let mut copy = |texture: &wgpu::Texture, offset: u64, rows: Rows| {
+            encoder.copy_texture_to_buffer(
+                texture.as_image_copy(),
+                wgpu::TexelCopyBufferInfo {
+                    buffer: &read_back,
+                    layout: wgpu::TexelCopyBufferLayout {
+                        offset,
+                        bytes_per_row: Some(rows.padded),
+                        rows_per_image: Some(height),
+                    },
+                },
+                size,
+            );
+        };
+        copy(&targets.picture, 0, picture_rows);
+        copy(&targets.depth, picture_bytes, depth_rows);
         gpu.queue.submit([encoder.finish()]);
 
         let failed = |reason: String| RenderError::Device { what: "the picture's read-back", reason };
@@ -92,8 +111,32 @@ impl StillRenderer {
         Ok(Still {
             eye_size_px: plan.render_size_px(),
             eye_count: plan.eye_count(),
-            rgba: bytemuck::pod_collect_to_vec(picture),
-            depth_mm: bytemuck::pod_collect_to_vec(&rest[..depth_bytes as usize]),
+            rgba: picture_rows.unpadded(picture),
+            depth_mm: depth_rows.unpadded(&rest[..depth_bytes as usize]),
         })
+    }
+}
+
+/// Bytes of a pixel of the picture.
+const PIXEL_BYTES: u32 = 16;
+/// Bytes of a pixel's depth.
+const DEPTH_BYTES: u32 = 4;
+
+/// Rows of a texture as a copy lays them into a buffer: each padded.
+#[derive(Clone, Copy, Debug)]
+struct Rows {
+    bytes: u32,
+    padded: u32,
+}
+
+impl Rows {
+    fn of(width: u32, pixel_bytes: u32) -> Self {
+        let bytes = width * pixel_bytes;
+        Self { bytes, padded: bytes.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT) }
+    }
+
+    fn unpadded<T: bytemuck::Pod>(self, padded: &[u8]) -> Vec<T> {
+        let rows = padded.chunks_exact(self.padded as usize);
+        rows.flat_map(|row| bytemuck::pod_collect_to_vec::<u8, T>(&row[..self.bytes as usize])).collect()
     }
 }

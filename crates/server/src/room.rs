@@ -86,6 +86,6 @@ fn make(
     file: &SceneFile,
 ) -> Result<Arc<SceneOnDevice>, SceneChangeError> {
     let scene = SceneOnDevice::new(gpu, volume, &file.resolve(facts)?)?;
-    scene.prepare(quality);
+    scene.prepare(quality)?;
     Ok(Arc::new(scene))
 }

@@ -46,7 +46,6 @@ pub(crate) fn run(arguments: &Render) -> anyhow::Result<()> {
         depth_grid: DepthGridSize::default(),
     };
     let plan = StereoPlan::new(&request, grid, on_device.numbers())?;
-    on_device.prepare(&quality);
 
     let still = StillRenderer::new(&gpu).render(&on_device, &plan)?;
     save(arguments, &still, &shown)?;
