@@ -112,57 +112,92 @@ fn skippable(ray: Ray, p: vec3<f32>) -> u32 {
     return u32(max(ceil(out / frame.step_mm), 1.0));
 }
 
+// What a ray has gathered on its way.
+struct Gathered {
+    color: vec3<f32>,
+    // Summed, not taken from a product of transmittances: a thousandth of a fog's step is less than float32 tells from 1.
+    opacity: f32,
+    // The step in which half of the light was gone: its beginning and length, transmittance before and after.
+    half_begin_mm: f32,
+    half_length_mm: f32,
+    half_before: f32,
+    half_after: f32,
+}
+
+fn gather(before: Gathered, color: vec3<f32>, opacity: f32, begin_mm: f32, length_mm: f32) -> Gathered {
+    let transmittance = 1.0 - before.opacity;
+    var after = before;
+    after.color += transmittance * opacity * color;
+    after.opacity += transmittance * opacity;
+    if (before.opacity < 0.5 && after.opacity >= 0.5) {
+        after.half_begin_mm = begin_mm;
+        after.half_length_mm = length_mm;
+        after.half_before = transmittance;
+        after.half_after = 1.0 - after.opacity;
+    }
+    return after;
+}
+
+// Loops here hold only what every sample needs. A software driver, and a GPU whose rays part ways, runs all of a loop's
+// body for all rays of a group as long as one of them goes on: light, crossings and the last, shorter step stand outside.
 fn emission_absorption(ray: Ray) -> Pixel {
-    // Opacity is summed, not taken from a product of transmittances: a thousandth of a fog's step is less than float32
-    // tells from 1.
-    var out = Pixel(vec3<f32>(0.0), 0.0, 0.0, false);
+    var sum = Gathered(vec3<f32>(0.0), 0.0, 0.0, 0.0, 1.0, 1.0);
     let way = ray.leave_mm - ray.enter_mm;
     let whole = u32(way / frame.step_mm);
-    // The last sample stands for what is left of the way: less than a step.
-    let rest_mm = max(way - f32(whole) * frame.step_mm, 0.0);
     var i = 0u;
     loop {
-        let transmittance = 1.0 - out.opacity;
-        if (i > whole || transmittance < frame.least_transmittance) {
+        var seen = vec4<f32>(0.0);
+        var seen_at = vec3<f32>(0.0);
+        var begin = 0.0;
+        loop {
+            if (i >= whole || 1.0 - sum.opacity < frame.least_transmittance) {
+                break;
+            }
+            begin = ray.enter_mm + f32(i) * frame.step_mm;
+            let p = at(ray, begin + 0.5 * frame.step_mm);
+            if (SKIP) {
+                let n = skippable(ray, p);
+                if (n > 0u) {
+                    i += n;
+                    continue;
+                }
+            }
+            i += 1u;
+            let o = optical(raw_at(p));
+            if (o.a > 0.0) {
+                if (LIT) {
+                    seen = o;
+                    seen_at = p;
+                    break;
+                }
+                sum = gather(sum, o.rgb, o.a, begin, frame.step_mm);
+            }
+        }
+        if (!LIT || seen.a <= 0.0) {
             break;
         }
-        let is_rest = i == whole;
-        let begin = ray.enter_mm + f32(i) * frame.step_mm;
-        let t = begin + 0.5 * select(frame.step_mm, rest_mm, is_rest);
-        let p = at(ray, t);
-        if (SKIP) {
-            let n = skippable(ray, p);
-            if (n > 0u) {
-                i += n;
-                // The rest stands at its own place, half a shorter step away, so it is always looked at.
-                if (!is_rest) {
-                    i = min(i, whole);
-                }
-                continue;
-            }
+        sum = gather(sum, lit(seen.rgb, facing(seen_at, ray.direction_mm)), seen.a, begin, frame.step_mm);
+    }
+    // The last sample stands for what is left of the way: less than a step.
+    let rest_begin = ray.enter_mm + f32(whole) * frame.step_mm;
+    let rest_mm = max(way - f32(whole) * frame.step_mm, 0.0);
+    let p = at(ray, rest_begin + 0.5 * rest_mm);
+    let raw = raw_at(p);
+    let rest_opacity = 1.0 - exp(-extinction_per_mm(raw) * rest_mm);
+    if (rest_opacity > 0.0 && 1.0 - sum.opacity >= frame.least_transmittance) {
+        var color = optical(raw).rgb;
+        if (LIT) {
+            color = lit(color, facing(p, ray.direction_mm));
         }
-        i += 1u;
-        let raw = raw_at(p);
-        let o = optical(raw);
-        var opacity = o.a;
-        if (is_rest) {
-            opacity = 1.0 - exp(-extinction_per_mm(raw) * rest_mm);
-        }
-        if (opacity > 0.0) {
-            var color = o.rgb;
-            if (LIT) {
-                color = lit(color, facing(p, ray.direction_mm));
-            }
-            out.color += transmittance * opacity * color;
-            out.opacity += transmittance * opacity;
-            if (!out.has_depth && out.opacity >= 0.5) {
-                // Within the step light falls exponentially.
-                let after = max(1.0 - out.opacity, 1.0e-30);
-                let part = clamp(log(2.0 * transmittance) / log(transmittance / after), 0.0, 1.0);
-                out.depth_mm = begin + part * select(frame.step_mm, rest_mm, is_rest);
-                out.has_depth = true;
-            }
-        }
+        sum = gather(sum, color, rest_opacity, rest_begin, rest_mm);
+    }
+
+    var out = Pixel(sum.color, sum.opacity, 0.0, sum.opacity >= 0.5);
+    if (out.has_depth) {
+        // Within a step light falls exponentially.
+        let whole_fall = log(sum.half_before / max(sum.half_after, 1.0e-30));
+        let part = clamp(log(2.0 * sum.half_before) / whole_fall, 0.0, 1.0);
+        out.depth_mm = sum.half_begin_mm + part * sum.half_length_mm;
     }
     return out;
 }
@@ -173,7 +208,9 @@ fn first_crossing(ray: Ray) -> Pixel {
     let way = ray.leave_mm - ray.enter_mm;
     let last = u32(ceil(way / frame.step_mm));
     var i = 0u;
-    var before_mm = ray.enter_mm;
+    // The crossing lies between these two samples.
+    var low = ray.enter_mm;
+    var high = ray.enter_mm;
     loop {
         if (i > last) {
             break;
@@ -183,36 +220,35 @@ fn first_crossing(ray: Ray) -> Pixel {
         if (SKIP) {
             let n = skippable(ray, p);
             if (n > 0u) {
-                before_mm = t;
                 // The end of the way is always looked at: it is not on the lattice.
                 i = select(min(i + n, last), last + 1u, i == last);
                 // All samples passed over are below the threshold: the last of them bounds the crossing.
-                if (i <= last) {
-                    before_mm = ray.enter_mm + f32(i - 1u) * frame.step_mm;
-                }
+                low = ray.enter_mm + f32(max(i, 1u) - 1u) * frame.step_mm;
                 continue;
             }
         }
         if (value_at(p) >= frame.threshold) {
-            var low = before_mm;
-            var high = t;
-            for (var k = 0; k < REFINEMENTS; k += 1) {
-                let middle = 0.5 * (low + high);
-                if (value_at(at(ray, middle)) >= frame.threshold) {
-                    high = middle;
-                } else {
-                    low = middle;
-                }
-            }
-            out.depth_mm = high;
+            high = t;
             out.has_depth = true;
-            out.opacity = frame.surface_opacity;
-            out.color = lit(frame.surface_color, facing(at(ray, high), ray.direction_mm)) * out.opacity;
-            return out;
+            break;
         }
-        before_mm = t;
+        low = t;
         i += 1u;
     }
+    if (!out.has_depth) {
+        return out;
+    }
+    for (var k = 0; k < REFINEMENTS; k += 1) {
+        let middle = 0.5 * (low + high);
+        if (value_at(at(ray, middle)) >= frame.threshold) {
+            high = middle;
+        } else {
+            low = middle;
+        }
+    }
+    out.depth_mm = high;
+    out.opacity = frame.surface_opacity;
+    out.color = lit(frame.surface_color, facing(at(ray, high), ray.direction_mm)) * out.opacity;
     return out;
 }
 

@@ -130,9 +130,10 @@ impl SceneOnDevice {
         };
         for resolution_scale in [1.0, 0.5] {
             let request = StereoRequest {
-                eyes: &[eye],
+                eyes: &[eye; 2],
                 placed: Placed::in_room(&self.scene.placement, self.grid()),
-                eye_size_px: [16, 16],
+                // Neither side a power of two: some drivers translate a shader anew for those.
+                eye_size_px: [24, 18],
                 quality: Quality { resolution_scale, ..*quality },
                 step_mm: None,
                 depth_grid: DepthGridSize { columns: 1, rows: 1 },

@@ -196,7 +196,7 @@ fn a_hundred_thousand_poses_a_second_are_cheap_and_make_no_more_frames() {
             frames += 1;
         }
     }
-    assert!((60..=61).contains(&frames), "{frames} frames in a second");
+    assert!((60..=63).contains(&frames), "{frames} frames in a second");
     assert_eq!(server.counters().poses_taken, 100_000);
     // A second of them takes some 20 ms; the bound leaves room for a busy machine.
     assert!(began.elapsed() < Duration::from_secs(1), "{:?}", began.elapsed());
