@@ -24,18 +24,18 @@ impl Rung {
     }
 }
 
-/// From all to little. The step goes first: it is seen less than missing rays.
-pub const LADDER: [Rung; 10] = [
+/// From all to little. The step goes first: it is seen less than missing rays. Below the last rung a picture says nothing
+/// any more; then the rate gives way.
+pub const LADDER: [Rung; 9] = [
     Rung::new(1.0, 1.0),
     Rung::new(1.0, 1.5),
     Rung::new(0.85, 1.5),
     Rung::new(0.75, 2.0),
-    Rung::new(0.6, 2.0),
-    Rung::new(0.5, 2.0),
-    Rung::new(0.4, 2.5),
-    Rung::new(0.33, 3.0),
-    Rung::new(0.25, 3.0),
-    Rung::new(0.2, 4.0),
+    Rung::new(0.65, 2.0),
+    Rung::new(0.55, 2.0),
+    Rung::new(0.5, 2.5),
+    Rung::new(0.42, 3.0),
+    Rung::new(0.35, 3.0),
 ];
 
 /// Above this part of the device's time, frames come too late.
