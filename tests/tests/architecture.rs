@@ -18,6 +18,9 @@ struct CrateRule {
     tests_may_use: BTreeSet<String>,
 }
 
+/// The crate that is nothing but tests.
+const TESTS: &str = "end-to-end";
+
 /// One line of a `[dependencies]` table.
 #[derive(Clone, Debug)]
 struct Edge {
@@ -138,7 +141,7 @@ fn workspace() -> (BTreeSet<String>, Vec<Edge>) {
                 from: package.name.to_string(),
                 to: dependency.name.clone(),
                 ours: dependency.path.is_some(),
-                only_in_tests: dependency.kind == DependencyKind::Development,
+                only_in_tests: dependency.kind == DependencyKind::Development || *package.name == TESTS,
             })
         })
         .collect();
