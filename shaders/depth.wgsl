@@ -5,29 +5,16 @@
 @group(1) @binding(1) var picture: texture_2d_array<f32>;
 @group(1) @binding(2) var<storage, read_write> grid: array<u32>;
 
-// Rays looked at across a cell of the grid, each way.
-const PROBES: u32 = 8u;
-
+// The depth along the ray through the cell's middle.
 fn cell_depth(eye: u32, column: u32, row: u32) -> u32 {
-    let begin = vec2<u32>(column, row) * frame.render_size / vec2<u32>(frame.depth_columns, frame.depth_rows);
-    let end = vec2<u32>(column + 1u, row + 1u) * frame.render_size / vec2<u32>(frame.depth_columns, frame.depth_rows);
-    let size = max(end - min(begin, end), vec2<u32>(1u));
-    var sum = 0.0;
-    var weight = 0.0;
-    for (var k = 0u; k < PROBES * PROBES; k += 1u) {
-        let offset = vec2<u32>(k % PROBES, k / PROBES) * size / PROBES;
-        let pixel = min(begin + offset, frame.render_size - 1u);
-        let depth = textureLoad(depth_mm, pixel, eye, 0).r;
-        if (depth > 0.0) {
-            let w = textureLoad(picture, pixel, eye, 0).a;
-            sum += w * depth;
-            weight += w;
-        }
-    }
-    if (!(weight > 0.0)) {
+    let middle = (vec2<u32>(column, row) * 2u + 1u) * frame.render_size
+        / (2u * vec2<u32>(frame.depth_columns, frame.depth_rows));
+    let pixel = min(middle, frame.render_size - 1u);
+    let depth = textureLoad(depth_mm, pixel, eye, 0).r;
+    if (!(depth > 0.0) || !(textureLoad(picture, pixel, eye, 0).a > 0.0)) {
         return 0u;
     }
-    return u32(clamp(sum / weight * frame.room_mm_per_volume_mm, 1.0, 65535.0));
+    return u32(clamp(depth * frame.room_mm_per_volume_mm + 0.5, 1.0, 65535.0));
 }
 
 // Two cells a word.

@@ -108,7 +108,7 @@ fn skippable(ray: Ray, p: vec3<f32>) -> u32 {
     if (reach == 0u) {
         return 0u;
     }
-    let out = way_out(p, cell, i32(reach) - 1, ray.per_mm, ray.mm_per);
+    let out = way_out(p, cell, i32(reach) - 1, ray.mm_per);
     return u32(max(ceil(out / frame.step_mm), 1.0));
 }
 
@@ -287,7 +287,7 @@ fn maximum(ray: Ray) -> Pixel {
         if (SKIP) {
             let cell = cell_of(p);
             if (frame.skip_empty != 0u && textureLoad(cell_maximum, cell, 0).r <= best) {
-                let out = way_out(p, cell, 0, ray.per_mm, ray.mm_per);
+                let out = way_out(p, cell, 0, ray.mm_per);
                 let n = u32(max(ceil(out / frame.step_mm), 1.0));
                 i = select(min(i + n, last), last + 1u, i == last);
                 continue;

@@ -70,10 +70,11 @@ fn cell_of(p: vec3<f32>) -> vec3<i32> {
 }
 
 // Millimetres from p along the ray to where it leaves the block of cells within `reach` of `cell`.
-fn way_out(p: vec3<f32>, cell: vec3<i32>, reach: i32, per_mm: vec3<f32>, mm_per: vec3<f32>) -> f32 {
+fn way_out(p: vec3<f32>, cell: vec3<i32>, reach: i32, mm_per: vec3<f32>) -> f32 {
     let low = vec3<f32>(cell - reach) * CELL + CELL_MARGIN;
     let high = vec3<f32>(cell + reach + 1) * CELL - CELL_MARGIN;
-    let ahead = select(low, high, per_mm > vec3<f32>(0.0));
+    // The reciprocal's sign: a direction of 0 has one, held apart from 0 as the reciprocal is.
+    let ahead = select(low, high, mm_per > vec3<f32>(0.0));
     let away = (ahead - p) * mm_per;
     return min(min(away.x, away.y), away.z);
 }

@@ -13,7 +13,9 @@ use std::future::pending;
 use std::time::Instant;
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
-use transport::{ConnectError, Connection, Event, Fingerprint, Statistics, TransportSettings};
+use transport::{
+    ConnectError, Connection, Event, Fingerprint, SendControlError, Statistics, TransportSettings,
+};
 use wire::{
     CloseCode, EncodeError, FrameHeader, MAX_FRAME_BYTES, MAX_FRAMES_IN_FLIGHT, ServerStatistics, Welcome,
 };
@@ -140,7 +142,8 @@ impl HeadsetSettings {
     /// With the bounds that fit the protocol.
     #[must_use]
     pub fn new(server: String, fingerprint: Fingerprint, device: Device) -> Self {
-        let streams = u32::try_from(MAX_FRAMES_IN_FLIGHT).unwrap_or(u32::MAX);
+        // Twice the frames that may be under way: the credit of one that was reset comes back late.
+        let streams = u32::try_from(2 * MAX_FRAMES_IN_FLIGHT).unwrap_or(u32::MAX);
         Self {
             server,
             fingerprint,
@@ -339,10 +342,14 @@ impl Headset {
             };
             match transmit {
                 ClientTransmit::Control(bytes) => {
-                    if let Err(error) = connection.send_control(bytes) {
-                        let reason = error.to_string();
-                        self.session.handle_disconnect(self.clock.now(), None, &reason);
-                        self.drop_connection();
+                    match connection.send_control(bytes) {
+                        // The end that the connection is about to tell says who ended it and why.
+                        Ok(()) | Err(SendControlError::Closed) => {}
+                        Err(error) => {
+                            let reason = error.to_string();
+                            self.session.handle_disconnect(self.clock.now(), None, &reason);
+                            self.drop_connection();
+                        }
                     }
                 }
                 ClientTransmit::Datagram(bytes) => connection.send_datagram(bytes),

@@ -10,6 +10,9 @@ use std::sync::Arc;
 use std::sync::mpsc;
 use std::time::Duration;
 
+/// A device that takes longer than this for a frame is taken for dead. The exact quality on a software driver may take
+/// half a minute for a large picture.
+const LONGEST_FRAME: Duration = Duration::from_secs(120);
 /// Timestamps of a frame: begin and end of ray-cast, begin and end of conversion.
 const TIMESTAMPS: u32 = 4;
 const TIMESTAMP_BYTES: u64 = TIMESTAMPS as u64 * 8;
@@ -235,7 +238,7 @@ impl FrameInFlight {
     /// Waits for the device and maps what it wrote.
     ///
     /// # Errors
-    /// If the device was lost or did not answer within ten seconds.
+    /// If the device was lost or did not answer within two minutes.
     pub fn finish(self) -> Result<FinishedFrame, RenderError> {
         let failed = |reason: String| RenderError::Device { what: "a frame's read-back", reason };
         let layout = ReadBack::of(&self.plan);
@@ -245,15 +248,17 @@ impl FrameInFlight {
         buffer.slice(..layout.total).map_async(wgpu::MapMode::Read, move |result| {
             let _ = done.send(result);
         });
-        let wait = wgpu::PollType::Wait {
-            submission_index: Some(self.submission),
-            timeout: Some(Duration::from_secs(10)),
-        };
-        self.gpu.device.poll(wait).map_err(|e| failed(e.to_string()))?;
-        mapped
-            .recv_timeout(Duration::from_secs(10))
-            .map_err(|e| failed(e.to_string()))?
-            .map_err(|e| failed(e.to_string()))?;
+        let wait =
+            wgpu::PollType::Wait { submission_index: Some(self.submission), timeout: Some(LONGEST_FRAME) };
+        let waited = self.gpu.device.poll(wait).map_err(|e| failed(e.to_string())).and_then(|_| {
+            let result = mapped.recv_timeout(LONGEST_FRAME).map_err(|e| failed(e.to_string()))?;
+            result.map_err(|e| failed(e.to_string()))
+        });
+        if let Err(error) = waited {
+            // The slot goes back to the ring, where a buffer that may yet be mapped would be an error.
+            buffer.unmap();
+            return Err(error);
+        }
         let view = buffer.slice(..layout.total).get_mapped_range().map_err(|e| failed(format!("{e:?}")))?;
         let times = self.gpu.has_timestamps.then(|| {
             let at = layout.timestamps_at as usize;

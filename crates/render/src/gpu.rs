@@ -101,6 +101,9 @@ impl Gpu {
         };
         let (device, queue) = pollster::block_on(adapter.request_device(&request))
             .map_err(|e| OpenError::Refused { adapter: facts.name.clone(), reason: e.to_string() })?;
+        // Without this, wgpu panics where an error comes outside of a scope, such as a lost device: the frame that meets it
+        // fails by its own time-out or result instead.
+        device.on_uncaptured_error(std::sync::Arc::new(|error| tracing::error!("device: {error}")));
         let pipelines = Pipelines::new(&device);
         let has_timestamps = features.contains(wgpu::Features::TIMESTAMP_QUERY);
         Ok(Self { device, queue, pipelines, has_timestamps, adapter: facts })

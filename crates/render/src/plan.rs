@@ -175,6 +175,13 @@ impl StereoPlan {
         })
     }
 
+    /// Whether what is seen is lit.
+    #[must_use]
+    pub fn is_lit(&self) -> bool {
+        use scene::Mode;
+        self.features.lit || matches!(self.features.mode, Mode::Threshold | Mode::Cumulated)
+    }
+
     /// Eyes in the picture.
     #[must_use]
     pub fn eye_count(&self) -> u32 {

@@ -21,7 +21,9 @@ pub use placement::Placement;
 pub use transfer::{HIGHEST_OPACITY_PER_MM, Optical, TransferFunction, TransferPoint};
 
 /// How the samples along a ray become one pixel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 #[serde(rename_all = "kebab-case")]
 pub enum Mode {
     /// Emission and absorption with a transfer function: direct volume rendering.

@@ -1,13 +1,16 @@
 //! A connection's task: drives one session.
 
 use crate::seat::Seat;
-use crate::server::Shared;
-use session::{ServerEvent, ServerTime, ServerTransmit};
+use crate::server::{Shared, told};
+use session::{Device, ServerEvent, ServerSession, ServerTime, ServerTransmit};
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::Duration;
-use transport::{Connection, Event, SendStreamError};
+use transport::{Connection, Event, SendControlError, SendStreamError};
 use wire::CloseCode;
 
+/// Scenes of one headset that may be in the making: each holds a thread.
+const MOST_SCENES_IN_MAKING: usize = 2;
 /// Shortest wait for a timer, so that one that is always due cannot spin.
 const SHORTEST_WAIT: Duration = Duration::from_micros(500);
 
@@ -19,7 +22,8 @@ pub(crate) async fn serve(shared: Arc<Shared>, mut connection: Connection, seat:
             handle_events(&shared, &seat, &mut session);
             session.poll_timeout()
         };
-        if let Some((code, reason)) = send_all(&connection, &seat) {
+        if let Some((code, reason)) = send_all(&shared, &connection, &seat) {
+            handle_events(&shared, &seat, &mut seat.session());
             connection.close(u64::from(code.value()), &reason).await;
             return;
         }
@@ -48,8 +52,11 @@ fn handle_input(shared: &Shared, seat: &Seat, event: Event) {
     match event {
         Event::Control(bytes) => session.handle_control(now, &bytes),
         Event::Datagram(bytes) => session.handle_datagram(now, &bytes),
-        Event::Closed { code, reason, .. } => {
-            session.handle_disconnect(now, code.and_then(CloseCode::from_value), &reason);
+        Event::Closed { by_peer, code, reason } => {
+            // A code that this version does not know is some trouble of the peer's; none at all is the network's.
+            let code = code.filter(|_| by_peer);
+            let code = code.map(|c| CloseCode::from_value(c).unwrap_or(CloseCode::Internal));
+            session.handle_disconnect(now, code, &reason);
         }
         // A headset opens no streams but the control stream; the transport's limits refuse them.
         Event::Stream { .. } | Event::StreamReset { .. } | Event::StreamTooLarge { .. } => {
@@ -58,26 +65,12 @@ fn handle_input(shared: &Shared, seat: &Seat, event: Event) {
     }
 }
 
-fn handle_events(shared: &Arc<Shared>, seat: &Arc<Seat>, session: &mut session::ServerSession) {
+fn handle_events(shared: &Arc<Shared>, seat: &Arc<Seat>, session: &mut ServerSession) {
     while let Some(event) = session.poll_event() {
-        let now = shared.clock.now();
         match event {
-            ServerEvent::Connected { device } => {
-                match seat.open_stream(&device, shared.settings.bits_per_pixel) {
-                    Ok(terms) => {
-                        tracing::info!(
-                            session = seat.id, peer = %seat.peer, device = %device.name,
-                            "headset connected: {}x{} at {} Hz, {:.1} Mbit/s",
-                            terms.width_px, terms.height_px, terms.refresh_hz,
-                            f64::from(terms.bitrate_bps) / 1e6
-                        );
-                        session.welcome(now, &terms);
-                    }
-                    Err(error) => session.close(now, CloseCode::BadDevice, &error.to_string()),
-                }
-            }
+            ServerEvent::Connected { device } => open_stream(shared.clone(), seat.clone(), device),
             ServerEvent::SceneRequested { request_id, scene_json } => {
-                change_scene(shared.clone(), seat.clone(), request_id, scene_json);
+                change_scene(shared.clone(), seat.clone(), session, (request_id, scene_json));
             }
             ServerEvent::KeyFrameNeeded => {}
             ServerEvent::ClientStatistics(statistics) => {
@@ -93,33 +86,74 @@ fn handle_events(shared: &Arc<Shared>, seat: &Arc<Seat>, session: &mut session::
     }
 }
 
+/// Makes the encoder beside everything else, then welcomes the headset.
+fn open_stream(shared: Arc<Shared>, seat: Arc<Seat>, device: Device) {
+    tokio::task::spawn_blocking(move || {
+        let max = shared.settings.max_headsets;
+        let headsets = shared.seats().iter().filter(|s| s.stream().is_some()).count();
+        let opened = if headsets < max {
+            seat.open_stream(&device, shared.settings.bits_per_pixel)
+                .map_err(|error| (CloseCode::BadDevice, error.to_string()))
+        } else {
+            let reason = format!("{max} headsets are connected, no more are admitted");
+            Err((CloseCode::TooManyHeadsets, reason))
+        };
+        let now = shared.clock.now();
+        match opened {
+            Ok(terms) => {
+                tracing::info!(
+                    session = seat.id, peer = %seat.peer, device = %device.name,
+                    "headset connected: {}x{} at {} Hz, {:.1} Mbit/s",
+                    terms.width_px, terms.height_px, terms.refresh_hz, f64::from(terms.bitrate_bps) / 1e6
+                );
+                seat.session().welcome(now, &terms);
+            }
+            Err((code, reason)) => seat.session().close(now, code, &reason),
+        }
+        seat.wake.notify_one();
+    });
+}
+
 /// Makes the scene beside everything else, then tells all headsets.
-fn change_scene(shared: Arc<Shared>, seat: Arc<Seat>, request_id: u32, scene_json: String) {
-    tokio::task::spawn_blocking(move || match shared.room.change(&scene_json) {
-        Ok(revision) => {
+fn change_scene(shared: Arc<Shared>, seat: Arc<Seat>, session: &mut ServerSession, request: (u32, String)) {
+    let (request_id, scene_json) = request;
+    if seat.scenes_in_making.fetch_add(1, Ordering::AcqRel) >= MOST_SCENES_IN_MAKING {
+        seat.scenes_in_making.fetch_sub(1, Ordering::AcqRel);
+        let reason = format!("{MOST_SCENES_IN_MAKING} scenes are being made for this headset, wait for them");
+        return session.scene_refused(request_id, &reason);
+    }
+    tokio::task::spawn_blocking(move || {
+        let changed = shared.room.change(&scene_json, |revision| {
             tracing::info!(session = seat.id, revision, "scene changed");
             for other in shared.seats().iter() {
-                let request = (other.id == seat.id).then_some(request_id);
-                other.session().scene_changed(request, revision, Some(&scene_json));
+                let asked = (other.id == seat.id).then_some(request_id);
+                other.session().scene_changed(asked, revision, told(&scene_json));
                 other.wake.notify_one();
             }
-        }
-        Err(error) => {
+        });
+        if let Err(error) = changed {
             tracing::info!(session = seat.id, "scene refused: {error}");
             seat.session().scene_refused(request_id, &error.to_string());
             seat.wake.notify_one();
         }
+        seat.scenes_in_making.fetch_sub(1, Ordering::AcqRel);
     });
 }
 
 /// Sends what the session wants sent; returns code and reason if the connection is to be closed.
-fn send_all(connection: &Connection, seat: &Seat) -> Option<(CloseCode, String)> {
+fn send_all(shared: &Shared, connection: &Connection, seat: &Seat) -> Option<(CloseCode, String)> {
     loop {
         let transmit = seat.session().poll_transmit()?;
         match transmit {
             ServerTransmit::Control(bytes) => {
-                if let Err(error) = connection.send_control(bytes) {
-                    return Some((CloseCode::Stalled, error.to_string()));
+                match connection.send_control(bytes) {
+                    // The end that the connection is about to tell says who ended it and why.
+                    Ok(()) | Err(SendControlError::Closed) => {}
+                    Err(error) => {
+                        let reason = error.to_string();
+                        seat.session().close(shared.clock.now(), CloseCode::Stalled, &reason);
+                        return Some((CloseCode::Stalled, reason));
+                    }
                 }
             }
             ServerTransmit::Datagram(bytes) => connection.send_datagram(bytes),

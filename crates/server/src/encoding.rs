@@ -6,6 +6,7 @@ use crate::server::Shared;
 use codec::{Encoder, YuvFrame};
 use session::{EncodedFrame, FrameFate, Reference, RenderTimes};
 use std::io;
+use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, mpsc};
 use std::thread::JoinHandle;
 
@@ -28,7 +29,9 @@ impl EncoderPool {
                     loop {
                         let next = locked(&receiver).recv();
                         let Ok(seat) = next else { return };
-                        encode_next(&shared, &seat);
+                        let ends_with_a_panic = StopOnPanic(&shared);
+                        encode_waiting(&shared, &seat);
+                        drop(ends_with_a_panic);
                     }
                 })
             })
@@ -37,9 +40,13 @@ impl EncoderPool {
     }
 
     /// A frame of this seat waits.
-    pub(crate) fn encode(&self, seat: Arc<Seat>) {
-        // The queue has room for as many frames as there are; it is gone only after this thread.
-        let _ = self.seats.send(seat);
+    pub(crate) fn encode(&self, seat: &Arc<Seat>) {
+        let Some(stream) = seat.stream() else { return };
+        // One thread serves a headset at a time: a second one would only wait for its encoder.
+        if !stream.is_encoding.swap(true, Ordering::AcqRel) {
+            // The queue has room for as many frames as there are; it is gone only after this thread.
+            let _ = self.seats.send(seat.clone());
+        }
     }
 
     /// Lets the threads finish what waits, and ends them.
@@ -51,15 +58,36 @@ impl EncoderPool {
     }
 }
 
-fn encode_next(shared: &Shared, seat: &Seat) {
+/// A thread that is gone would leave its headset's frames waiting for ever.
+pub(crate) struct StopOnPanic<'a>(pub(crate) &'a Shared);
+
+impl Drop for StopOnPanic<'_> {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            tracing::error!("a thread has panicked; the server stops");
+            self.0.stop();
+        }
+    }
+}
+
+/// Encodes what waits for this headset, in order.
+fn encode_waiting(shared: &Shared, seat: &Seat) {
     let Some(stream) = seat.stream() else { return };
-    // The encoder is taken before the frame is: who has it has the oldest frame.
     let mut encoder = locked(&stream.encoder);
-    let Some(job) = locked(&stream.waiting).pop_front() else { return };
-    encode(shared, seat, stream, &mut encoder, job);
-    seat.wake.notify_one();
-    // A slot of the ring and a place in the session are free again.
-    shared.wishes.wake();
+    loop {
+        let Some(job) = locked(&stream.waiting).pop_front() else {
+            stream.is_encoding.store(false, Ordering::Release);
+            // A frame that came between the look and the store has not called a thread.
+            if locked(&stream.waiting).is_empty() || stream.is_encoding.swap(true, Ordering::AcqRel) {
+                return;
+            }
+            continue;
+        };
+        encode(shared, seat, stream, &mut encoder, job);
+        seat.wake.notify_one();
+        // A slot of the ring and a place in the session are free again.
+        shared.wishes.wake();
+    }
 }
 
 fn encode(shared: &Shared, seat: &Seat, stream: &Stream, encoder: &mut Encoder, job: EncodeJob) {

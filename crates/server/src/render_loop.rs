@@ -3,7 +3,7 @@
 use crate::encoding::EncoderPool;
 use crate::quality::Rung;
 use crate::scheduler::{Scheduler, Wish};
-use crate::seat::{EncodeJob, Seat, Stream, locked};
+use crate::seat::{EncodeJob, Seat, locked};
 use crate::server::Shared;
 use render::{
     DepthGridSize, FrameInFlight, FrameRenderer, Placed, PlanError, Quality, RenderError, StereoPlan,
@@ -133,7 +133,7 @@ impl RenderLoop {
     ) -> Result<(FrameInFlight, u32, Rung, bool), BeginError> {
         let shown = self.shared.room.shown();
         let (rung, size) = match seat.stream() {
-            Some(stream) => (stream.rung(), [stream.device.eye_width_px, stream.device.eye_height_px]),
+            Some(stream) => (self.shared.rung(), [stream.device.eye_width_px, stream.device.eye_height_px]),
             None => return Err(PlanError::Eyes(0).into()),
         };
         let asked = self.shared.settings.quality;
@@ -155,7 +155,7 @@ impl RenderLoop {
             shown.scene.grid(),
             shown.scene.numbers(),
         )?;
-        let lit = scene.light.is_some();
+        let lit = plan.is_lit();
         Ok((self.ring.submit(&shown.scene, &plan)?, shown.revision, rung, lit))
     }
 
@@ -172,6 +172,10 @@ impl RenderLoop {
                 self.failures += 1;
                 tracing::warn!(session = seat.id, frame = ticket.number, "frame lost: {error}");
                 seat.session().frame_abandoned(converted, ticket);
+                if let Some(stream) = seat.stream() {
+                    stream.took(converted, converted.since(render_started));
+                }
+                self.shared.judge(converted);
                 return;
             }
         };
@@ -181,8 +185,8 @@ impl RenderLoop {
             None => converted,
         };
         if let Some(stream) = seat.stream() {
-            stream.took(converted.since(render_started));
-            self.judge(stream, converted);
+            stream.took(converted, converted.since(render_started));
+            self.shared.judge(converted);
             locked(&stream.waiting).push_back(EncodeJob {
                 ticket,
                 frame,
@@ -193,15 +197,7 @@ impl RenderLoop {
                 rendered,
                 converted,
             });
-            self.encoders.encode(seat);
-        }
-    }
-
-    /// Lets the headset's controller judge the load of all.
-    fn judge(&self, stream: &Stream, now: ServerTime) {
-        if self.shared.settings.adapt_quality {
-            let load = self.shared.seats().iter().filter_map(|s| s.stream()).map(Stream::device_share).sum();
-            stream.judge(now, load);
+            self.encoders.encode(&seat);
         }
     }
 }

@@ -62,18 +62,21 @@ impl Room {
         self.shown.read().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Makes and shows another scene; returns its revision. Takes as long as its pipeline takes to compile: not to be
+    /// Makes and shows another scene and lets `announce` tell its revision, before any later one; returns it. Takes as long as its pipeline takes to compile: not to be
     /// called where frames are made.
-    pub(crate) fn change(&self, json: &str) -> Result<u32, SceneChangeError> {
+    pub(crate) fn change(&self, json: &str, announce: impl FnOnce(u32)) -> Result<u32, SceneChangeError> {
         let _in_order = self.making.lock().unwrap_or_else(PoisonError::into_inner);
         let file = SceneFile::from_json(json)?;
         if let Some(volume) = &file.volume {
             return Err(SceneChangeError::Volume(volume.display().to_string()));
         }
         let scene = make(&self.gpu, &self.volume, &self.facts, &self.quality, &file)?;
-        let mut shown = self.shown.write().unwrap_or_else(PoisonError::into_inner);
-        let revision = shown.revision + 1;
-        *shown = Shown { scene, revision };
+        let revision = {
+            let mut shown = self.shown.write().unwrap_or_else(PoisonError::into_inner);
+            *shown = Shown { scene, revision: shown.revision + 1 };
+            shown.revision
+        };
+        announce(revision);
         Ok(revision)
     }
 }

@@ -1,15 +1,18 @@
 //! A headset's seat in the room: what the threads that serve it share.
 
-use crate::quality::{QualityController, Rung};
+use crate::quality::Rung;
 use codec::{Complexity, Encoder, EncoderSettings, PlaneLayout, SettingsError, YuvPicture};
 use render::FinishedFrame;
 use session::{Device, FrameTicket, ServerCounters, ServerSession, ServerTime, StreamTerms};
 use std::collections::VecDeque;
 use std::net::SocketAddr;
+use std::sync::atomic::{AtomicBool, AtomicUsize};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::Duration;
 use tokio::sync::Notify;
 
+/// A headset that has had no frame for so long does not load the device.
+const PAUSED: Duration = Duration::from_secs(1);
 /// Share of a new measurement in the smoothed time of a frame on the device.
 const SMOOTHING: f64 = 0.2;
 
@@ -20,6 +23,8 @@ pub(crate) struct Seat {
     pub(crate) peer: SocketAddr,
     session: Mutex<ServerSession>,
     stream: OnceLock<Stream>,
+    /// Scenes that this headset has asked for and that are being made.
+    pub(crate) scenes_in_making: AtomicUsize,
     /// Wakes the connection's task: there is something to send.
     pub(crate) wake: Notify,
 }
@@ -32,6 +37,8 @@ pub(crate) struct Stream {
     pub(crate) encoder: Mutex<Encoder>,
     /// Frames that are read back and wait for an encoder, in order. At most two: the session makes no more.
     pub(crate) waiting: Mutex<VecDeque<EncodeJob>>,
+    /// Whether a thread encodes for this headset, or is about to.
+    pub(crate) is_encoding: AtomicBool,
     load: Mutex<Load>,
 }
 
@@ -48,12 +55,13 @@ pub(crate) struct EncodeJob {
     pub(crate) converted: ServerTime,
 }
 
-/// What this headset's frames cost the device, and may cost.
-#[derive(Debug)]
+/// What this headset's frames cost the device.
+#[derive(Debug, Default)]
 struct Load {
     /// Smoothed time of a frame on the device, seconds; `None` before the first.
     frame_secs: Option<f64>,
-    controller: QualityController,
+    /// When the last one was done.
+    last: ServerTime,
 }
 
 /// How a headset fares, for people and tests.
@@ -67,8 +75,6 @@ pub struct SeatSnapshot {
     pub device: Option<String>,
     /// What its session has counted.
     pub counters: ServerCounters,
-    /// The quality it gets.
-    pub rung: Option<Rung>,
 }
 
 /// A lock whose data are whole whatever panicked elsewhere: each change of them is one assignment or one call of a
@@ -79,7 +85,14 @@ pub(crate) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 impl Seat {
     pub(crate) fn new(id: u64, peer: SocketAddr, session: ServerSession) -> Self {
-        Self { id, peer, session: Mutex::new(session), stream: OnceLock::new(), wake: Notify::new() }
+        Self {
+            id,
+            peer,
+            session: Mutex::new(session),
+            stream: OnceLock::new(),
+            scenes_in_making: AtomicUsize::new(0),
+            wake: Notify::new(),
+        }
     }
 
     /// The session. Held for the time of a call, never while something is waited for.
@@ -126,7 +139,8 @@ impl Seat {
             layout,
             encoder: Mutex::new(encoder),
             waiting: Mutex::default(),
-            load: Mutex::new(Load { frame_secs: None, controller: QualityController::new() }),
+            is_encoding: AtomicBool::new(false),
+            load: Mutex::default(),
         };
         // A session says hello once, so there is no stream yet.
         let _ = self.stream.set(stream);
@@ -139,7 +153,6 @@ impl Seat {
             peer: self.peer,
             device: self.stream().map(|s| s.device.name.clone()),
             counters: self.session().counters(),
-            rung: self.stream().map(Stream::rung),
         }
     }
 }
@@ -154,31 +167,26 @@ impl std::fmt::Debug for Stream {
 }
 
 impl Stream {
-    /// What its next frame may cost.
-    pub(crate) fn rung(&self) -> Rung {
-        locked(&self.load).controller.rung()
+    /// Part of the device's time that its frames take at the full rate, at their present quality; 0 while it has none.
+    pub(crate) fn device_share(&self, now: ServerTime) -> f64 {
+        let load = locked(&self.load);
+        if now.since(load.last) > PAUSED {
+            return 0.0;
+        }
+        load.frame_secs.unwrap_or_default() / self.period.as_secs_f64()
     }
 
-    /// Part of the device's time that its frames take at the full rate, at their present quality.
-    pub(crate) fn device_share(&self) -> f64 {
-        locked(&self.load).frame_secs.unwrap_or_default() / self.period.as_secs_f64()
-    }
-
-    /// A frame has taken this long on the device.
-    pub(crate) fn took(&self, on_device: Duration) {
+    /// A frame has taken this long on the device, and was done now.
+    pub(crate) fn took(&self, now: ServerTime, on_device: Duration) {
         let mut load = locked(&self.load);
         let new = on_device.as_secs_f64();
         load.frame_secs = Some(load.frame_secs.map_or(new, |old| old + SMOOTHING * (new - old)));
+        load.last = now;
     }
 
-    /// Lets the controller judge the load of all headsets together.
-    pub(crate) fn judge(&self, now: ServerTime, whole_load: f64) {
+    /// Frames will cost this times as much: what is known of the old ones is carried over.
+    pub(crate) fn expect_cost(&self, times: f64) {
         let mut load = locked(&self.load);
-        let before = load.controller.rung().cost();
-        if load.controller.update(now, whole_load) {
-            // What is known of frames of another quality is carried over, so that the next judgement is of this one.
-            let ratio = load.controller.rung().cost() / before;
-            load.frame_secs = load.frame_secs.map(|secs| secs * ratio);
-        }
+        load.frame_secs = load.frame_secs.map(|secs| secs * times);
     }
 }

@@ -2,14 +2,15 @@
 
 use crate::clock::Clock;
 use crate::connection;
-use crate::encoding::EncoderPool;
+use crate::encoding::{EncoderPool, StopOnPanic};
+use crate::quality::{QualityController, Rung};
 use crate::render_loop::RenderLoop;
 use crate::room::{Room, SceneChangeError};
 use crate::seat::{Seat, SeatSnapshot, locked};
 use crate::settings::Settings;
 use render::{FrameRenderer, Gpu, RenderError, SharedVolume};
 use scene::{SceneFile, VolumeFacts};
-use session::{ServerSession, ServerSettings};
+use session::{ServerSession, ServerSettings, ServerTime};
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex};
@@ -22,6 +23,10 @@ use wire::CloseCode;
 
 /// Frames that may wait for an encoder, beyond those being encoded.
 const WAITING_FRAMES: usize = 2;
+/// Connections that may be there without having said hello, beside the headsets.
+const MOST_WITHOUT_HELLO: usize = 64;
+/// Longest scene that is told to headsets that did not ask for it, in bytes: a few of them fit a slow peer's backlog.
+const LONGEST_TOLD_SCENE: usize = 16 << 10;
 /// How long sessions may take to say goodbye when the server stops.
 const GOODBYE: Duration = Duration::from_secs(2);
 
@@ -79,6 +84,8 @@ pub(crate) struct Shared {
     seats: Mutex<Arc<Vec<Arc<Seat>>>>,
     stopping: AtomicBool,
     next_session: AtomicU64,
+    /// One for all headsets: they share the device, and what is too much for it is too much for each.
+    quality: Mutex<QualityController>,
     /// Tells the accepting task to end.
     stop: watch::Sender<bool>,
 }
@@ -99,6 +106,27 @@ impl Shared {
         self.wishes.wake();
     }
 
+    /// What a frame may cost now.
+    pub(crate) fn rung(&self) -> Rung {
+        locked(&self.quality).rung()
+    }
+
+    /// Judges the load of all headsets together.
+    pub(crate) fn judge(&self, now: ServerTime) {
+        if !self.settings.adapt_quality {
+            return;
+        }
+        let seats = self.seats();
+        let streams = || seats.iter().filter_map(|s| s.stream());
+        let load = streams().map(|s| s.device_share(now)).sum();
+        let mut quality = locked(&self.quality);
+        let before = quality.rung().cost();
+        if quality.update(now, load) {
+            let times = quality.rung().cost() / before;
+            streams().for_each(|s| s.expect_cost(times));
+        }
+    }
+
     fn take_seat(&self, peer: SocketAddr) -> Arc<Seat> {
         let id = self.next_session.fetch_add(1, Ordering::Relaxed);
         let settings = ServerSettings {
@@ -114,6 +142,9 @@ impl Shared {
         let mut now = seats.to_vec();
         now.push(seat.clone());
         *seats = Arc::new(now);
+        drop(seats);
+        // A scene that was changed while the seat was not yet among the others.
+        seat.session().scene_changed(None, self.room.shown().revision, None);
         seat
     }
 
@@ -159,6 +190,7 @@ impl Server {
             seats: Mutex::default(),
             stopping: AtomicBool::new(false),
             next_session: AtomicU64::new(1),
+            quality: Mutex::default(),
             stop: watch::Sender::new(false),
             settings,
         });
@@ -167,7 +199,13 @@ impl Server {
         let render_loop = RenderLoop::new(shared.clone(), ring, encoders);
         let render = std::thread::Builder::new()
             .name("render".into())
-            .spawn(move || render_loop.run())
+            .spawn({
+                let shared = shared.clone();
+                move || {
+                    let _stops = StopOnPanic(&shared);
+                    render_loop.run();
+                }
+            })
             .map_err(thread)?;
         let accepting = tokio::spawn(accept(shared.clone(), endpoint));
         let fingerprint = identity.fingerprint();
@@ -197,12 +235,12 @@ impl Server {
     /// # Errors
     /// If it is not valid for this volume or the device has no room. The old scene stays.
     pub fn change_scene(&self, json: &str) -> Result<u32, SceneChangeError> {
-        let revision = self.shared.room.change(json)?;
-        for seat in self.shared.seats().iter() {
-            seat.session().scene_changed(None, revision, Some(json));
-            seat.wake.notify_one();
-        }
-        Ok(revision)
+        self.shared.room.change(json, |revision| {
+            for seat in self.shared.seats().iter() {
+                seat.session().scene_changed(None, revision, told(json));
+                seat.wake.notify_one();
+            }
+        })
     }
 
     /// Waits until the server stops by itself, which it does only if the device fails.
@@ -231,6 +269,11 @@ impl Drop for Server {
     }
 }
 
+/// A scene's text for those who did not ask for it: left out if it is long.
+pub(crate) fn told(json: &str) -> Option<&str> {
+    (json.len() <= LONGEST_TOLD_SCENE).then_some(json)
+}
+
 /// Accepts headsets until the server stops, then lets them say goodbye.
 async fn accept(shared: Arc<Shared>, endpoint: ServerEndpoint) {
     let mut tasks = JoinSet::new();
@@ -257,7 +300,8 @@ async fn accept(shared: Arc<Shared>, endpoint: ServerEndpoint) {
 fn admit(shared: &Arc<Shared>, connection: Connection, tasks: &mut JoinSet<()>) {
     let shared = shared.clone();
     let max = shared.settings.max_headsets;
-    if shared.seats().len() >= max {
+    // Who has not said hello yet takes no headset's place, but there is a bound for these too.
+    if shared.seats().len() >= max + MOST_WITHOUT_HELLO {
         tracing::info!(peer = %connection.remote_address(), "refused: {max} headsets are connected");
         tasks.spawn(async move {
             let reason = format!("{max} headsets are connected, no more are admitted");

@@ -215,10 +215,15 @@ impl Connection {
     /// # Errors
     /// If the peer does not read what was sent before, or the connection is over. The bytes are lost: close.
     pub fn send_control(&self, bytes: impl Into<Bytes>) -> Result<(), SendControlError> {
-        if self.quinn.close_reason().is_some() {
+        let is_over = || self.quinn.close_reason().is_some();
+        if is_over() {
             return Err(SendControlError::Closed);
         }
-        self.control_out.send(bytes.into())
+        self.control_out.send(bytes.into()).map_err(|error| match error {
+            // The end of the connection ends its streams too.
+            SendControlError::Stopped if is_over() => SendControlError::Closed,
+            error => error,
+        })
     }
 
     /// Sends a datagram, if it is not too large. Where the queue is full because the path is congested, the oldest

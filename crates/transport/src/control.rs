@@ -12,7 +12,8 @@ use tokio::task::JoinHandle;
 /// What a queued piece costs beside its bytes, so that a million empty ones are no way around the bound.
 const OVERHEAD_BYTES: usize = 64;
 
-/// Why bytes were not taken for the control stream. They are lost, and with them the stream's sense: close.
+/// Why bytes were not taken for the control stream. They are lost, and with them the stream's sense: close, if the
+/// connection is not over anyway.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SendControlError {
     /// The peer does not read.
@@ -23,9 +24,12 @@ pub enum SendControlError {
         /// Bytes that may wait.
         max: usize,
     },
-    /// The connection or its control stream is over.
+    /// The connection is over. Its last event says who ended it and why, so that there is nothing to be done here.
     #[error("the connection is closed")]
     Closed,
+    /// The peer has stopped the control stream and goes on otherwise.
+    #[error("the peer does not want to hear the control stream any more")]
+    Stopped,
 }
 
 /// A bounded queue in front of the control stream. It drops nothing: a full one is an error.
@@ -60,7 +64,7 @@ impl ControlWriter {
         let result = if queued > 0 && queued + cost > self.max {
             Err(SendControlError::Stalled { queued, max: self.max })
         } else {
-            self.sender.send(bytes).map_err(|_| SendControlError::Closed)
+            self.sender.send(bytes).map_err(|_| SendControlError::Stopped)
         };
         if result.is_err() {
             self.queued.fetch_sub(cost, Ordering::Relaxed);

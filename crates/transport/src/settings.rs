@@ -49,7 +49,8 @@ impl Default for TransportSettings {
         Self {
             handshake_timeout: Duration::from_secs(5),
             max_handshakes: 64,
-            max_idle_timeout: Duration::from_secs(5),
+            // Longer than a session's own patience, which ends a silence with a reason.
+            max_idle_timeout: Duration::from_secs(10),
             keep_alive_interval: Duration::from_secs(1),
             max_incoming_streams: 0,
             max_incoming_stream_bytes: 0,
