@@ -2,7 +2,6 @@
 
 use crate::{TestServer, device, within};
 use std::net::SocketAddr;
-use std::time::Duration;
 use transport::{Connection, Event, Fingerprint, TransportSettings};
 use wire::{
     ClientDatagram, ClientMessage, CloseCode, ControlReader, Hello, PoseSample, ServerMessage, Welcome,
@@ -99,6 +98,12 @@ impl RawPeer {
     pub fn pose(&mut self, sampled_at_us: u64) -> PoseSample {
         let sequence = self.next_pose;
         self.next_pose += 1;
+        Self::pose_of(sequence, sampled_at_us)
+    }
+
+    /// A pose in front of the volume.
+    #[must_use]
+    pub fn pose_of(sequence: u64, sampled_at_us: u64) -> PoseSample {
         let pose = crate::in_front();
         PoseSample {
             sequence,
@@ -133,15 +138,13 @@ impl RawPeer {
         let mut goodbye = None;
         within("the connection's end", async {
             loop {
-                match self.connection.next_event().await {
-                    Event::Control(bytes) => {
-                        self.control.push(&bytes);
-                        while let Some(message) = self.next_message() {
-                            if let ServerMessage::Goodbye(said) = message {
-                                goodbye = Some((said.code, said.reason));
-                            }
-                        }
+                while let Some(message) = self.next_message() {
+                    if let ServerMessage::Goodbye(said) = message {
+                        goodbye = Some((said.code, said.reason));
                     }
+                }
+                match self.connection.next_event().await {
+                    Event::Control(bytes) => self.control.push(&bytes),
                     Event::Closed { code, reason, .. } => {
                         let code = code.and_then(CloseCode::from_value);
                         return Ending { code, reason, goodbye };
@@ -151,11 +154,6 @@ impl RawPeer {
             }
         })
         .await
-    }
-
-    /// Does nothing for a while: not even reads what comes.
-    pub async fn neglect(&self, time: Duration) {
-        tokio::time::sleep(time).await;
     }
 }
 

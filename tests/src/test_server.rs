@@ -6,7 +6,7 @@ use render::{
     VolumeOnDevice,
 };
 use scene::{SceneFile, VolumeFacts};
-use server::{Server, Settings};
+use server::{SeatSnapshot, Server, Settings, StartError};
 use session::Device;
 use spatial::StereoView;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -72,6 +72,21 @@ impl TestServer {
             .unwrap_or_else(|e| panic!("{e}"));
         let pool = DecodePool::new(NonZero::<usize>::MIN).expect("a thread");
         Self { server, volume, settings, facts, on_device, pool, _alone: alone }
+    }
+
+    /// Tries to start another server of the same volume beside this one.
+    ///
+    /// # Errors
+    /// As [`Server::start`].
+    pub fn another(&self, settings: Settings) -> Result<Server, StartError> {
+        let identity = Identity::ephemeral().unwrap_or_else(|e| panic!("{e}"));
+        Server::start(settings, &identity, gpu(), &self.on_device, self.facts.clone(), &SceneFile::default())
+    }
+
+    /// The session of that number, if it has a seat.
+    #[must_use]
+    pub fn seat(&self, session: u64) -> Option<SeatSnapshot> {
+        self.server.seats().into_iter().find(|seat| seat.session == session)
     }
 
     /// Where it listens.
