@@ -1,5 +1,4 @@
 //! Coming, going, and the server's own end.
-#![expect(clippy::unwrap_used, reason = "a test that cannot set itself up has failed")]
 
 use end_to_end::{Bystander, TestServer, Viewer, settings, subject, threads, until, within};
 use headset::{Headset, HeadsetError, HeadsetEvent};
