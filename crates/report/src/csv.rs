@@ -14,7 +14,7 @@ const AFTER: [&str; 10] = [
     "bytes",
     "key_frame",
     "resolution_scale",
-    "step_voxels",
+    "step_scale",
     "prediction_error_mm",
     "prediction_error_deg",
 ];
@@ -55,7 +55,7 @@ pub fn write_frames_csv(run: &Run, out: &mut impl Write) -> Result<(), CsvError>
                 frame.bytes,
                 u8::from(frame.key_frame),
                 frame.resolution_scale,
-                frame.step_voxels,
+                frame.step_scale,
                 known(frame.prediction_error_mm),
                 known(frame.prediction_error_deg),
             )?;
@@ -125,7 +125,7 @@ impl Line<'_> {
             bytes: unsigned(after + 4)?,
             key_frame: self.parse::<u8>(after + 5, "0 or 1")? != 0,
             resolution_scale: float(after + 6)?,
-            step_voxels: float(after + 7)?,
+            step_scale: float(after + 7)?,
             prediction_error_mm: maybe(after + 8)?,
             prediction_error_deg: maybe(after + 9)?,
         })

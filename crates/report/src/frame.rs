@@ -56,8 +56,8 @@ pub struct FrameRecord {
     pub key_frame: bool,
     /// Rendered width over the stream's width, in 0 to 1.
     pub resolution_scale: f64,
-    /// Distance of samples along a ray, in voxels.
-    pub step_voxels: f64,
+    /// Distance of samples along a ray, over the one at full quality.
+    pub step_scale: f64,
     /// Distance between the head as predicted for the frame and as it was at the display time, in millimetres; `None`
     /// if the latter is not known.
     pub prediction_error_mm: Option<f64>,

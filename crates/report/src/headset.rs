@@ -22,8 +22,8 @@ pub struct HeadsetRun {
     pub seconds: f64,
     /// Frames a second that it asked for.
     pub asked_hz: f64,
-    /// Distance of samples along a ray at full quality, in voxels.
-    pub full_step_voxels: f64,
+    /// Distance of samples along a ray at full quality, in the unit of its frames: 1.
+    pub full_step_scale: f64,
     /// What was counted.
     pub counters: Counters,
     /// Frames that were decoded and were not what was asked for, by kind: size, order, view, black, ….
@@ -148,12 +148,12 @@ pub struct QualityGivenUp {
     pub min_resolution_scale: f64,
     /// Share of frames, 0 to 1, whose step was longer than at full quality.
     pub above_full_step_share: f64,
-    /// The step at full quality, in voxels.
-    pub full_step_voxels: f64,
-    /// Mean step, in voxels.
-    pub mean_step_voxels: f64,
-    /// The longest step, in voxels.
-    pub max_step_voxels: f64,
+    /// The step at full quality.
+    pub full_step_scale: f64,
+    /// Mean step, over the one at full quality.
+    pub mean_step_scale: f64,
+    /// The longest step, over the one at full quality.
+    pub max_step_scale: f64,
 }
 
 /// A run of eleven days. What says that it was longer is not counted second by second.
@@ -245,7 +245,7 @@ impl QualityGivenUp {
     fn of(headset: &HeadsetRun) -> Option<Self> {
         let frames = &headset.frames;
         let scale = Distribution::of(frames.iter().map(|frame| frame.resolution_scale))?;
-        let step = Distribution::of(frames.iter().map(|frame| frame.step_voxels))?;
+        let step = Distribution::of(frames.iter().map(|frame| frame.step_scale))?;
         let share = |lost: &dyn Fn(&FrameRecord) -> bool| {
             frames.iter().filter(|frame| lost(frame)).count() as f64 / frames.len() as f64
         };
@@ -253,10 +253,10 @@ impl QualityGivenUp {
             below_full_resolution_share: share(&|frame| frame.resolution_scale < 1.0 - ROUNDING),
             mean_resolution_scale: scale.mean,
             min_resolution_scale: scale.min,
-            above_full_step_share: share(&|frame| frame.step_voxels > headset.full_step_voxels + ROUNDING),
-            full_step_voxels: headset.full_step_voxels,
-            mean_step_voxels: step.mean,
-            max_step_voxels: step.max,
+            above_full_step_share: share(&|frame| frame.step_scale > headset.full_step_scale + ROUNDING),
+            full_step_scale: headset.full_step_scale,
+            mean_step_scale: step.mean,
+            max_step_scale: step.max,
         })
     }
 }

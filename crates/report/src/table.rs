@@ -211,8 +211,8 @@ fn headsets(report: &RunReport, out: &mut fmt::Formatter<'_>) -> fmt::Result {
             share(quality.map(|quality| quality.below_full_resolution_share)),
             number(quality.map(|quality| quality.mean_resolution_scale)),
             share(quality.map(|quality| quality.above_full_step_share)),
-            number(quality.map(|quality| quality.mean_step_voxels)),
-            number(quality.map(|quality| quality.full_step_voxels)),
+            number(quality.map(|quality| quality.mean_step_scale)),
+            number(quality.map(|quality| quality.full_step_scale)),
             headset
                 .clock
                 .map_or("–".to_owned(), |clock| format!("±{:.2} ms", clock.error_us as f64 * 1e-3)),
@@ -221,7 +221,7 @@ fn headsets(report: &RunReport, out: &mut fmt::Formatter<'_>) -> fmt::Result {
     writeln!(
         out,
         "  smaller: frames below full resolution; scale: mean width over full width.\n  \
-         coarser: frames with a longer step along the ray than at full quality; step: mean, in voxels."
+         coarser: frames with a longer step along the ray than at full quality; step: mean, times that."
     )
 }
 

@@ -17,14 +17,14 @@ fn steady(name: &str, frames: u64) -> HeadsetRun {
         pose_to_decoded_us: 3_000 + frame as i64,
         bytes: 1_000,
         resolution_scale: if frame.is_multiple_of(2) { 1.0 } else { 0.5 },
-        step_voxels: 0.5,
+        step_scale: 0.5,
         ..FrameRecord::default()
     };
     let mut headset = HeadsetRun {
         name: name.to_owned(),
         seconds: 1.0,
         asked_hz: 100.0,
-        full_step_voxels: 0.5,
+        full_step_scale: 0.5,
         frames: (0..frames).map(record).collect(),
         ..HeadsetRun::default()
     };
@@ -51,7 +51,7 @@ fn figures_of_each_headset_and_of_all_are_those_of_their_frames() {
     assert_eq!(a.bit_rate.unwrap().mean_bps, 800_000.0);
     let quality = a.quality.unwrap();
     assert_eq!((quality.below_full_resolution_share, quality.mean_resolution_scale), (0.5, 0.75));
-    assert_eq!((quality.above_full_step_share, quality.mean_step_voxels), (0.0, 0.5));
+    assert_eq!((quality.above_full_step_share, quality.mean_step_scale), (0.0, 0.5));
     assert!((a.interval_us.unwrap().max - 10_000.0).abs() < 1e-6);
 }
 

@@ -52,14 +52,14 @@ fn alike(frames: u64, lateness_us: i64) -> Run {
         pose_to_decoded_us: 30_000,
         lateness_us,
         resolution_scale: 1.0,
-        step_voxels: 1.0,
+        step_scale: 1.0,
         ..FrameRecord::default()
     };
     let headset = HeadsetRun {
         name: "a".to_owned(),
         seconds: frames as f64 / 30.0,
         asked_hz: 30.0,
-        full_step_voxels: 1.0,
+        full_step_scale: 1.0,
         frames: (0..frames).map(record).collect(),
         ..HeadsetRun::default()
     };
@@ -159,7 +159,7 @@ fn wild_numbers_do_not_stop_a_report() {
         frame.lateness_us = us;
         frame.bytes = u64::MAX / 16;
         frame.resolution_scale = f64::NAN;
-        frame.step_voxels = 0.0;
+        frame.step_scale = 0.0;
     }
     for seconds in [0.0, 1.0, f64::INFINITY, f64::NAN] {
         run.seconds = seconds;

@@ -107,7 +107,7 @@ fn headset_run(from: &HeadsetRun) -> report::HeadsetRun {
         seconds: from.seconds,
         asked_hz: from.asked_hz,
         // The stream tells steps as multiples of the quality's own.
-        full_step_voxels: 1.0,
+        full_step_scale: 1.0,
         counters: Counters {
             rendered: server.map(|s| s.frames_rendered),
             sent: server.map(|s| s.frames_sent),
@@ -142,7 +142,7 @@ fn frame_record(from: &headset::FrameRecord) -> Option<FrameRecord> {
         bytes: from.bytes,
         key_frame: from.depends_on.is_none(),
         resolution_scale: f64::from(from.resolution_scale),
-        step_voxels: f64::from(from.step_scale),
+        step_scale: f64::from(from.step_scale),
         prediction_error_mm: from.prediction_error_mm,
         prediction_error_deg: from.prediction_error_deg,
     })

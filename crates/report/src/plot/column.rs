@@ -105,11 +105,7 @@ fn column(headset: &HeadsetRun, frames: &[&FrameRecord], from_secs: f64, to_secs
         key_frame: frames.iter().any(|frame| frame.key_frame),
         resolution_scale: mean(&|frame| frame.resolution_scale),
         fineness: mean(&|frame| {
-            if frame.step_voxels > 0.0 {
-                (headset.full_step_voxels / frame.step_voxels).min(1.0)
-            } else {
-                1.0
-            }
+            if frame.step_scale > 0.0 { (headset.full_step_scale / frame.step_scale).min(1.0) } else { 1.0 }
         }),
     }
 }
@@ -126,11 +122,11 @@ mod tests {
             pose_to_decoded_us: 1_300 + index as i64,
             lateness_us: if index % 4 == 0 { 1 } else { 0 },
             resolution_scale: 1.0,
-            step_voxels: 1.0,
+            step_scale: 1.0,
             ..FrameRecord::default()
         };
         let frames = times.into_iter().enumerate().map(frame).collect();
-        HeadsetRun { asked_hz: 10.0, full_step_voxels: 0.5, frames, ..HeadsetRun::default() }
+        HeadsetRun { asked_hz: 10.0, full_step_scale: 0.5, frames, ..HeadsetRun::default() }
     }
 
     #[test]

@@ -49,7 +49,7 @@ pub(crate) fn headset(name: &str, seed: u64, seconds: f64) -> HeadsetRun {
         started_at_secs: 0.1,
         seconds,
         asked_hz: 60.0,
-        full_step_voxels: 0.5,
+        full_step_scale: 0.5,
         clock: Some(Clock { server_minus_headset_us: -1_234_567, error_us: 120 }),
         ..HeadsetRun::default()
     };
@@ -63,7 +63,7 @@ pub(crate) fn headset(name: &str, seed: u64, seconds: f64) -> HeadsetRun {
         }
         let load = 1.0 + 0.9 * (-((share - 0.4) / 0.1).powi(2)).exp();
         let resolution_scale = if (0.38..0.55).contains(&share) { 0.75 } else { 1.0 };
-        let step_voxels = if (0.34..0.6).contains(&share) { 0.75 } else { 0.5 };
+        let step_scale = if (0.34..0.6).contains(&share) { 0.75 } else { 0.5 };
         let outlier = if chance.share() < 0.004 { 4.0 } else { 1.0 };
         let stages_us: Vec<i64> = MEANS_US
             .iter()
@@ -91,7 +91,7 @@ pub(crate) fn headset(name: &str, seed: u64, seconds: f64) -> HeadsetRun {
             bytes: if key_frame { 42_000 } else { 9_000 + (4_000.0 * chance.share()) as u64 },
             key_frame,
             resolution_scale,
-            step_voxels,
+            step_scale,
             prediction_error_mm: Some(2.0 * chance.share()),
             prediction_error_deg: Some(0.4 * chance.share()).filter(|_| frame % 2 == 0),
         });
