@@ -24,18 +24,18 @@ impl Rung {
     }
 }
 
-/// From all to little. The step goes first: it is seen less than missing rays. Below the last rung a picture says nothing
-/// any more; then the rate gives way.
+/// From all to little. Steps stay near a voxel: longer ones lose what is thin, such as a rib, where fewer rays only
+/// blur it. Below the last rung a picture says nothing any more; then the rate gives way.
 pub const LADDER: [Rung; 9] = [
     Rung::new(1.0, 1.0),
     Rung::new(1.0, 1.5),
     Rung::new(0.85, 1.5),
-    Rung::new(0.75, 2.0),
-    Rung::new(0.65, 2.0),
-    Rung::new(0.55, 2.0),
-    Rung::new(0.5, 2.5),
-    Rung::new(0.42, 3.0),
-    Rung::new(0.35, 3.0),
+    Rung::new(0.75, 1.5),
+    Rung::new(0.65, 1.5),
+    Rung::new(0.57, 1.5),
+    Rung::new(0.5, 1.5),
+    Rung::new(0.43, 1.5),
+    Rung::new(0.37, 1.5),
 ];
 
 /// Above this part of the device's time, frames come too late.
