@@ -1,5 +1,4 @@
 //! Where a frame's time goes, and where the head will be by then.
-#![expect(clippy::unwrap_used, reason = "a test that cannot set itself up has failed")]
 
 use end_to_end::{CENTRE_IN_ROOM, TestServer, Viewer, in_front, settings, subject, within};
 use headset::{SimulatedHeadset, SimulatedSettings};
