@@ -124,6 +124,10 @@ impl SceneFile {
                 expected: "at most 256 KiB",
             });
         }
+        // A list would be taken for the fields in their order, which nobody has promised.
+        if text.trim_start().starts_with('[') {
+            return Err(SceneError::Json("found a list, expected an object with fields".into()));
+        }
         let file: Self = serde_json::from_str(text).map_err(|e| SceneError::Json(e.to_string()))?;
         file.check()?;
         Ok(file)
@@ -309,6 +313,7 @@ mod tests {
     fn says_what_is_wrong() {
         let message = |text: &str| SceneFile::from_json(text).unwrap_err().to_string();
         assert!(message(r#"{"colour": 1}"#).contains("unknown field `colour`"));
+        assert!(message(" []").contains("found a list"));
         assert!(message(r#"{"threshold": NaN}"#).contains("line 1"));
         assert!(message(r#"{"threshold": 1e999}"#).contains("line 1"));
         assert!(message(r#"{"window": [5, 5]}"#).contains("low below high"));
