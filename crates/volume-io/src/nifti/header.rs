@@ -79,7 +79,7 @@ impl Header {
             return Err(LoadError::field(file, "sizeof_hdr", "348 or 540", &format!("{:02x?}", &bytes[..4])));
         };
         let length = if version == Version::One { LENGTH_1 } else { LENGTH_2 };
-        read_promised(file, input, &mut bytes[4..length], "header", gzip)?;
+        read_promised(file, input, &mut bytes[4..length], "header after its first 4", gzip)?;
         let header = match version {
             Version::One => Self::parse_1(&Fields { bytes: &bytes, order }),
             Version::Two => Self::parse_2(&Fields { bytes: &bytes, order }),
