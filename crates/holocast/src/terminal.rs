@@ -25,7 +25,21 @@ pub(crate) fn say(text: impl std::fmt::Display) {
 
 /// Tells what went wrong and why.
 pub(crate) fn complain(error: &anyhow::Error) {
-    eprintln!("holocast: {error:#}");
+    eprintln!("holocast: {}", in_words(error));
+}
+
+/// An error and its causes in one line. A library's message often holds its cause's, which is not said twice.
+fn in_words(error: &anyhow::Error) -> String {
+    let mut words = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if words.is_empty() {
+            words = cause;
+        } else if !words.contains(&cause) {
+            words += ": ";
+            words += &cause;
+        }
+    }
+    words
 }
 
 /// Tells what goes on, to a person who may be waiting.
@@ -44,5 +58,22 @@ pub(crate) fn progress(text: impl std::fmt::Display) {
 pub(crate) fn progress_done() {
     if std::io::stderr().is_terminal() {
         eprint!("\r\x1b[2K");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use anyhow::Context as _;
+
+    #[test]
+    fn a_cause_is_said_once() {
+        let cause = || std::io::Error::other("the disk is full");
+        assert_eq!(in_words(&cause().into()), "the disk is full");
+        let in_context = Err::<(), _>(cause()).context("film.mp4").unwrap_err();
+        assert_eq!(in_words(&in_context), "film.mp4: the disk is full");
+        let missing = volume_io::load("nowhere.nii", &volume_io::LoadOptions::default());
+        let words = in_words(&missing.unwrap_err().into());
+        assert_eq!(words.matches("No such file").count(), 1, "{words}");
     }
 }
