@@ -1,0 +1,8 @@
+//! The binary from outside: arguments in; exit status, output and files out.
+#![expect(clippy::unwrap_used, reason = "a test that cannot set itself up has failed")]
+
+mod errors;
+mod files;
+mod network;
+mod program;
+mod stills;
