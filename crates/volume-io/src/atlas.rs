@@ -8,6 +8,7 @@ use crate::load::{checked_axis, finish};
 use crate::samples::zeroed;
 use crate::sidecar::{self, KindJson, Meaning, Rows};
 use crate::source::{Part, Source};
+use crate::stream::MOST_EXPANSION;
 use crate::{Format, LoadError, LoadOptions, Loaded};
 use png::{BitDepth, ColorType, DecodingError};
 use serde::Deserialize;
@@ -18,8 +19,6 @@ use volume::{Channel, ChannelKind, Grid, Voxels};
 pub(crate) const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 /// Most bytes that the PNG decoder may take beside the voxels: rows and side information, never the picture.
 const DECODER_BYTES: usize = 16 << 20;
-/// A byte of deflate data holds at most 1032 bytes.
-const MOST_EXPANSION: u64 = 1032;
 /// Rows between two calls of the progress callback.
 const ROWS_A_CALL: usize = 256;
 

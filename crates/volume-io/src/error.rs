@@ -14,7 +14,9 @@ pub enum LoadError {
         source: std::io::Error,
     },
     /// The content is of no format that is read here.
-    #[error("{file}: not a volume: expected NIfTI, a slice atlas (PNG) or a JSON header, found {found}")]
+    #[error(
+        "{file}: not a volume: expected NIfTI, NRRD, MetaImage, a slice atlas (PNG) or a JSON header, found {found}"
+    )]
     UnknownFormat {
         /// The file.
         file: String,

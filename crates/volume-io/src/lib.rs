@@ -1,8 +1,8 @@
 //! Loader: file to volume.
 //!
 //! [`load`] takes a file, recognises by its content what it is, and gives back a [`volume::Volume`] with a report of
-//! what was done to get there. Formats: NIfTI-1 and NIfTI-2 (`.nii`, `.nii.gz`), the HoloM3D slice atlas (`.png`), and
-//! raw voxels with a JSON header. [`describe`] says in numbers and for people what was loaded.
+//! what was done to get there. Formats: NIfTI-1 and NIfTI-2 (`.nii`, `.nii.gz`), NRRD, MetaImage, the HoloM3D slice atlas
+//! (`.png`), and raw voxels with a JSON header. [`describe`] says in numbers and for people what was loaded.
 //!
 //! What a header claims is never believed: dimensions are checked before anything is allocated, memory is taken as
 //! data arrive and stays within [`LoadOptions::max_bytes`], and an error names the file, the field, what was expected
@@ -14,11 +14,16 @@ mod atlas;
 pub mod describe;
 mod error;
 mod load;
+mod metaimage;
 mod nifti;
+mod nrrd;
+mod pieces;
 mod raw;
 mod samples;
 mod sidecar;
 mod source;
+mod stream;
+mod text;
 
 pub use error::LoadError;
 pub use load::{Format, LoadOptions, LoadReport, Loaded, Progress, load, load_bytes, load_parts};

@@ -1,7 +1,8 @@
 //! The way in: recognise a file, load it, report.
 
 use crate::source::{Part, Source, read_full};
-use crate::{LoadError, atlas, nifti, raw};
+use crate::stream::{MOST_EXPANSION, Stream};
+use crate::{LoadError, atlas, metaimage, nifti, nrrd, raw};
 use flate2::bufread::MultiGzDecoder;
 use std::fmt;
 use std::io::{Read, SeekFrom};
@@ -62,6 +63,10 @@ pub enum Format {
     Atlas,
     /// Raw voxels with a JSON header.
     Raw,
+    /// NRRD, with its voxels or beside them.
+    Nrrd,
+    /// MetaImage, with its voxels or beside them.
+    MetaImage,
 }
 
 impl fmt::Display for Format {
@@ -71,6 +76,8 @@ impl fmt::Display for Format {
             Self::Nifti2 => "NIfTI-2",
             Self::Atlas => "slice atlas (PNG)",
             Self::Raw => "raw voxels with a JSON header",
+            Self::Nrrd => "NRRD",
+            Self::MetaImage => "MetaImage",
         })
     }
 }
@@ -142,13 +149,19 @@ fn load_source(source: &Source<'_>, options: &LoadOptions) -> Result<Loaded, Loa
     }
     if nifti::is_header(start) {
         let Part { name, length, input } = part;
-        return nifti::load(&name, nifti::Stream { input, holds_at_most: length, gzip: false }, options);
+        return nifti::load(&name, Stream { input, holds_at_most: length, packed: None }, options);
     }
     if start.starts_with(atlas::SIGNATURE) {
         return atlas::load(source, part, options);
     }
+    if nrrd::is_header(start) {
+        return nrrd::load(source, part, options);
+    }
     if start.trim_ascii_start().starts_with(b"{") {
         return raw::load(source, part, options);
+    }
+    if metaimage::is_header(start) {
+        return metaimage::load(source, part, options);
     }
     Err(LoadError::UnknownFormat { file: part.name, found: what_it_is(start) })
 }
@@ -170,16 +183,13 @@ fn load_gzip(mut part: Part<'_>, options: &LoadOptions) -> Result<Loaded, LoadEr
         return Err(LoadError::UnknownFormat { file: part.name, found });
     }
     part.input.seek(SeekFrom::Start(0)).map_err(damaged)?;
-    let stream = nifti::Stream {
+    let stream = Stream {
         input: MultiGzDecoder::new(part.input),
-        holds_at_most: part.length.saturating_mul(MOST_GZIP_EXPANSION),
-        gzip: true,
+        holds_at_most: part.length.saturating_mul(MOST_EXPANSION),
+        packed: Some("gzip data"),
     };
     nifti::load(&part.name, stream, options)
 }
-
-/// A byte of deflate data holds at most 1032 bytes: a match of 258 bytes takes two bits.
-const MOST_GZIP_EXPANSION: u64 = 1032;
 
 /// What the first bytes of a file look like, for a person who wonders why it is refused.
 fn what_it_is(start: &[u8]) -> String {
@@ -187,10 +197,8 @@ fn what_it_is(start: &[u8]) -> String {
     let known = match start {
         [] => "an empty file",
         _ if start.get(128..132) == Some(b"DICM") => "DICOM",
-        _ if start.starts_with(b"NRRD") => "NRRD",
         _ if start.starts_with(b"PK\x03\x04") => "a ZIP archive",
         _ if start.starts_with(b"\xff\xd8\xff") => "a JPEG picture",
-        _ if start.starts_with(b"ObjectType") || start.starts_with(b"NDims") => "MetaImage",
         _ if text => "text",
         _ => {
             let first: Vec<String> = start.iter().take(8).map(|b| format!("{b:02x}")).collect();
@@ -278,9 +286,9 @@ pub(crate) fn read_promised(
     reader: &mut impl Read,
     buffer: &mut [u8],
     what: &'static str,
-    gzip: bool,
+    packed: Option<&'static str>,
 ) -> Result<(), LoadError> {
-    let found = read_full(reader, buffer).map_err(|e| broken(file, gzip, e))?;
+    let found = read_full(reader, buffer).map_err(|e| broken(file, packed, e))?;
     if found < buffer.len() {
         let (expected, found) = (buffer.len() as u64, found as u64);
         return Err(LoadError::Truncated { file: file.to_owned(), what, expected, found });
@@ -288,12 +296,11 @@ pub(crate) fn read_promised(
     Ok(())
 }
 
-/// An error in the midst of reading: of the gzip data or of the disk.
-pub(crate) fn broken(file: &str, gzip: bool, e: std::io::Error) -> LoadError {
+/// An error in the midst of reading: of packed data (`gzip data`) or of the disk.
+pub(crate) fn broken(file: &str, packed: Option<&'static str>, e: std::io::Error) -> LoadError {
     let file = file.to_owned();
-    if gzip {
-        LoadError::Damaged { file, what: "gzip data", reason: e.to_string() }
-    } else {
-        LoadError::Unreadable { file, source: e }
+    match packed {
+        Some(what) => LoadError::Damaged { file, what, reason: e.to_string() },
+        None => LoadError::Unreadable { file, source: e },
     }
 }

@@ -105,7 +105,7 @@ pub(crate) fn load(
         .seek(SeekFrom::Start(header.offset_bytes))
         .map_err(|source| LoadError::Unreadable { file: voxels.name.clone(), source })?;
 
-    let run = Run { file: &voxels.name, stored, order, count, holds_at_most: bytes_a_channel, gzip: false };
+    let run = Run { file: &voxels.name, stored, order, count, holds_at_most: bytes_a_channel, packed: None };
     let mut channels = Vec::with_capacity(meanings.len());
     for meaning in meanings {
         channels.push(meaning.with(samples::read(&mut voxels.input, &run, options)?.voxels));

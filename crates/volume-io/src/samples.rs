@@ -84,8 +84,8 @@ pub(crate) struct Run<'a> {
     pub(crate) count: usize,
     /// Bytes that the data may hold at most, however the header lies: memory is taken for no more.
     pub(crate) holds_at_most: u64,
-    /// Whether the data are decompressed on the way.
-    pub(crate) gzip: bool,
+    /// What the data are unpacked from on the way, such as `gzip data`.
+    pub(crate) packed: Option<&'static str>,
 }
 
 /// Samples as they are held, and what was lost on the way.
@@ -101,6 +101,27 @@ pub(crate) struct Samples {
 impl Samples {
     fn exact(voxels: Voxels) -> Self {
         Self { voxels, worst_rounding: 0.0, overflowed: 0 }
+    }
+
+    /// Says what became of the samples of the file; `slope` is the value of one of their units.
+    pub(crate) fn note(&self, stored: StoredType, slope: f64, notes: &mut Vec<String>) {
+        let (stored, held_as) = (stored.name(), self.voxels.voxel_type().name());
+        if stored != held_as {
+            notes.push(if self.worst_rounding > 0.0 {
+                let rounding = self.worst_rounding * slope.abs();
+                format!(
+                    "{stored} in the file, held as {held_as}: values are rounded by at most {rounding:.3e}"
+                )
+            } else {
+                format!("{stored} in the file, held as {held_as} without loss")
+            });
+        }
+        if self.overflowed > 0 {
+            notes.push(format!(
+                "{} values are too large for {held_as} and count as infinite",
+                self.overflowed
+            ));
+        }
     }
 }
 
@@ -256,7 +277,7 @@ fn each_chunk(
     while done < total {
         let wanted = (total - done).min(CHUNK as u64) as usize;
         let chunk = &mut buffer[..wanted];
-        let found = read_full(reader, chunk).map_err(|e| broken(run.file, run.gzip, e))?;
+        let found = read_full(reader, chunk).map_err(|e| broken(run.file, run.packed, e))?;
         if found < wanted {
             let found = done + found as u64;
             return Err(LoadError::Truncated {
@@ -336,7 +357,7 @@ mod tests {
             order,
             count: bytes.len() / stored.bytes(),
             holds_at_most: bytes.len() as u64,
-            gzip: false,
+            packed: None,
         };
         read(&mut &bytes[..], &run, &LoadOptions::default()).unwrap()
     }
@@ -377,7 +398,7 @@ mod tests {
             order: ByteOrder::Little,
             count: 2 * WIDENED_AT_ONCE + 17,
             holds_at_most: u64::MAX,
-            gzip: false,
+            packed: None,
         };
         let narrow: Vec<i16> = (0..run.count).map(|i| (i % 30_011) as i16).collect();
         let wide = widened(narrow, &run).unwrap();
@@ -426,7 +447,7 @@ mod tests {
             order: ByteOrder::Little,
             count: usize::MAX / 4,
             holds_at_most: 7,
-            gzip: false,
+            packed: None,
         };
         let error = read(&mut &[0u8; 7][..], &run, &LoadOptions::default()).unwrap_err();
         assert!(matches!(error, LoadError::Truncated { found: 7, .. }), "{error}");

@@ -2,7 +2,7 @@
 
 use crate::LoadError;
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, Cursor, Seek};
+use std::io::{self, BufRead, BufReader, Cursor, Read, Seek};
 use std::path::{Component, Path, PathBuf};
 
 /// Bytes read at a time from a file.
@@ -20,6 +20,12 @@ pub(crate) struct Part<'a> {
     pub(crate) length: u64,
     /// Its bytes.
     pub(crate) input: Box<dyn Input + 'a>,
+}
+
+impl Read for Part<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        self.input.read(buffer)
+    }
 }
 
 /// What is to be loaded, and what lies beside it.
@@ -65,21 +71,27 @@ impl<'a> Source<'a> {
     }
 
     /// Opens the file that a header's `field` calls `relative`. It must lie in the header's folder or below it, also
-    /// after links are followed: a header must not make the loader read what its author could not name.
+    /// after links are followed: a header must not make the loader read what its author could not name. Nor may it be
+    /// the header itself, whose text would be shown as voxels.
     pub(crate) fn open_within_folder(
         &self,
         field: &'static str,
         relative: &str,
     ) -> Result<Part<'a>, LoadError> {
-        let outside = || LoadError::OutsideFolder { file: self.name(), field, found: relative.to_owned() };
-        let below = Path::new(relative).components().all(|c| matches!(c, Component::Normal(_)));
-        if relative.is_empty() || !below {
+        let named = relative;
+        let outside = || LoadError::OutsideFolder { file: self.name(), field, found: named.to_owned() };
+        // `./` is what some writers begin with, and says nothing.
+        let parts = Path::new(relative).components().filter(|c| !matches!(c, Component::CurDir));
+        let relative: PathBuf = parts.clone().collect();
+        if relative.as_os_str().is_empty() || !parts.clone().all(|c| matches!(c, Component::Normal(_))) {
             return Err(outside());
         }
+        let itself =
+            || LoadError::field(&self.name(), field, "another file than the header", "the header itself");
         match self {
             Self::Disk(path) => {
                 let folder = folder_of(path);
-                let wanted = folder.join(relative);
+                let wanted = folder.join(&relative);
                 let real = |path: &Path| {
                     path.canonicalize()
                         .map_err(|source| LoadError::Unreadable { file: path.display().to_string(), source })
@@ -88,17 +100,23 @@ impl<'a> Source<'a> {
                 if !real_file.starts_with(&real_folder) {
                     return Err(outside());
                 }
+                if real_file == real(path)? {
+                    return Err(itself());
+                }
                 open_file(&real_file)
             }
-            Self::Memory { beside, .. } => beside.iter().find(|(name, _)| *name == relative).map_or_else(
-                || {
-                    Err(LoadError::Unreadable {
-                        file: relative.to_owned(),
-                        source: io::ErrorKind::NotFound.into(),
-                    })
-                },
-                |(name, bytes)| Ok(in_memory(name, bytes)),
-            ),
+            Self::Memory { name, .. } if Path::new(name) == relative => Err(itself()),
+            Self::Memory { beside, .. } => {
+                beside.iter().find(|(name, _)| Path::new(name) == relative).map_or_else(
+                    || {
+                        Err(LoadError::Unreadable {
+                            file: relative.display().to_string(),
+                            source: io::ErrorKind::NotFound.into(),
+                        })
+                    },
+                    |(name, bytes)| Ok(in_memory(name, bytes)),
+                )
+            }
         }
     }
 }
@@ -133,7 +151,7 @@ fn open_file(path: &Path) -> Result<Part<'static>, LoadError> {
 }
 
 /// Fills `buffer` as far as the data go and says how far that was. Compressed data that end in the midst end there.
-pub(crate) fn read_full(reader: &mut (impl io::Read + ?Sized), buffer: &mut [u8]) -> io::Result<usize> {
+pub(crate) fn read_full(reader: &mut (impl Read + ?Sized), buffer: &mut [u8]) -> io::Result<usize> {
     let mut filled = 0;
     while filled < buffer.len() {
         match reader.read(&mut buffer[filled..]) {

@@ -72,14 +72,18 @@ pub(crate) fn is_header(start: &[u8]) -> bool {
 
 impl Header {
     /// Reads the header, and nothing after it.
-    pub(crate) fn read(file: &str, input: &mut impl Read, gzip: bool) -> Result<Self, LoadError> {
+    pub(crate) fn read(
+        file: &str,
+        input: &mut impl Read,
+        packed: Option<&'static str>,
+    ) -> Result<Self, LoadError> {
         let mut bytes = [0; LENGTH_2];
-        read_promised(file, input, &mut bytes[..4], "header", gzip)?;
+        read_promised(file, input, &mut bytes[..4], "header", packed)?;
         let Some((version, order)) = recognise(&bytes) else {
             return Err(LoadError::field(file, "sizeof_hdr", "348 or 540", &format!("{:02x?}", &bytes[..4])));
         };
         let length = if version == Version::One { LENGTH_1 } else { LENGTH_2 };
-        read_promised(file, input, &mut bytes[4..length], "header after its first 4", gzip)?;
+        read_promised(file, input, &mut bytes[4..length], "header after its first 4", packed)?;
         let header = match version {
             Version::One => Self::parse_1(&Fields { bytes: &bytes, order }),
             Version::Two => Self::parse_2(&Fields { bytes: &bytes, order }),
@@ -294,7 +298,7 @@ mod tests {
                 flate2::read::GzDecoder::new(&bytes[..]).read_to_end(&mut unpacked).unwrap();
                 bytes = unpacked;
             }
-            let ours = Header::read("test", &mut &bytes[..], false).unwrap();
+            let ours = Header::read("test", &mut &bytes[..], None).unwrap();
             assert_eq!(ours.dim, theirs.dim.map(|d| i64::from(d as i16)));
             assert_eq!(ours.pixdim, theirs.pixdim.map(f64::from));
             let codes = [ours.datatype, ours.bitpix, ours.intent_code, ours.qform_code, ours.sform_code];

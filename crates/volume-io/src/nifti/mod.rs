@@ -7,7 +7,8 @@ mod geometry;
 mod header;
 
 use crate::load::{broken, finish, read_promised};
-use crate::samples::{self, Run, StoredType};
+use crate::samples::{self, Run};
+use crate::stream::{self, Stream};
 use crate::{Format, LoadError, LoadOptions, Loaded};
 use header::{Header, Version};
 use std::io::Read;
@@ -19,18 +20,6 @@ pub(crate) use header::is_header;
 const INTENT_LABEL: i64 = 1002;
 /// Bytes of extensions that are looked at for a label table; longer ones are passed over.
 const EXTENSIONS_LOOKED_AT: usize = 1 << 20;
-/// Bytes after the voxels that are read for the checksum of the gzip data, which stands at their end.
-const TAIL: usize = 64 << 10;
-
-/// The bytes of a NIfTI file from its start, decompressed.
-pub(crate) struct Stream<R> {
-    /// The bytes.
-    pub(crate) input: R,
-    /// How many they can be at most: the file's length, or what that much gzip data can hold.
-    pub(crate) holds_at_most: u64,
-    /// Whether they are decompressed on the way.
-    pub(crate) gzip: bool,
-}
 
 /// Loads the volume, the first one if there is a series of them in time.
 pub(crate) fn load(
@@ -38,8 +27,8 @@ pub(crate) fn load(
     mut stream: Stream<impl Read>,
     options: &LoadOptions,
 ) -> Result<Loaded, LoadError> {
-    let gzip = stream.gzip;
-    let header = Header::read(file, &mut stream.input, gzip)?;
+    let packed = stream.packed;
+    let header = Header::read(file, &mut stream.input, packed)?;
     let mut notes = Vec::new();
     let dims = header.dims(file, &mut notes)?;
     let stored = header.stored_type(file)?;
@@ -51,7 +40,7 @@ pub(crate) fn load(
     let bytes = count as u64 * stored.bytes() as u64;
     let offset = header.voxel_offset(file, &mut notes)?;
     let promised = offset.saturating_add(bytes);
-    if !gzip && promised > stream.holds_at_most {
+    if packed.is_none() && promised > stream.holds_at_most {
         return Err(LoadError::Truncated {
             file: file.to_owned(),
             what: "header and voxels",
@@ -61,14 +50,14 @@ pub(crate) fn load(
     }
 
     let label_table = pass_extensions(file, &mut stream, offset - header.length())?;
-    let run = Run { file, stored, order: header.order, count, holds_at_most: stream.holds_at_most, gzip };
+    let run = Run { file, stored, order: header.order, count, holds_at_most: stream.holds_at_most, packed };
     let held = samples::read(&mut stream.input, &run, options)?;
     if !header.is_series() {
-        check_tail(file, &mut stream, &mut notes)?;
+        stream::check_tail(file, &mut stream, &mut notes)?;
     }
 
     let (slope, intercept) = header.scaling(file, &mut notes)?;
-    note_conversion(stored, &held, slope, &mut notes);
+    held.note(stored, slope, &mut notes);
     let labels = header.intent_code == INTENT_LABEL || label_table;
     let kind = options.kind.unwrap_or(if labels { ChannelKind::Label } else { ChannelKind::Intensity });
     let name = if kind == ChannelKind::Label { "labels" } else { "image" }.to_owned();
@@ -84,9 +73,9 @@ pub(crate) fn load(
 fn pass_extensions(file: &str, stream: &mut Stream<impl Read>, length: u64) -> Result<bool, LoadError> {
     let looked_at = length.min(EXTENSIONS_LOOKED_AT as u64);
     let mut extensions = vec![0; looked_at as usize];
-    read_promised(file, &mut stream.input, &mut extensions, "header extensions", stream.gzip)?;
+    read_promised(file, &mut stream.input, &mut extensions, "header extensions", stream.packed)?;
     let passed = std::io::copy(&mut stream.input.by_ref().take(length - looked_at), &mut std::io::sink());
-    let passed = passed.map_err(|e| broken(file, stream.gzip, e))?;
+    let passed = passed.map_err(|e| broken(file, stream.packed, e))?;
     if looked_at + passed < length {
         return Err(LoadError::Truncated {
             file: file.to_owned(),
@@ -96,38 +85,4 @@ fn pass_extensions(file: &str, stream: &mut Stream<impl Read>, length: u64) -> R
         });
     }
     Ok(extensions.windows(11).any(|w| w == b"<LabelTable"))
-}
-
-/// Reads on to the end of the data, where gzip has its checksum, but not far: nobody asked for what follows.
-fn check_tail(file: &str, stream: &mut Stream<impl Read>, notes: &mut Vec<String>) -> Result<(), LoadError> {
-    let mut tail = vec![0; TAIL];
-    let mut length = 0;
-    while length < TAIL {
-        match stream.input.read(&mut tail[length..]) {
-            Ok(0) => break,
-            Ok(n) => length += n,
-            Err(e) if e.kind() == std::io::ErrorKind::Interrupted => {}
-            Err(e) => return Err(broken(file, stream.gzip, e)),
-        }
-    }
-    if length > 0 {
-        let or_more = if length == TAIL { " or more" } else { "" };
-        notes.push(format!("{length} bytes{or_more} after the voxels were not read"));
-    }
-    Ok(())
-}
-
-fn note_conversion(stored: StoredType, held: &samples::Samples, slope: f64, notes: &mut Vec<String>) {
-    let (stored, held_as) = (stored.name(), held.voxels.voxel_type().name());
-    if stored != held_as {
-        notes.push(if held.worst_rounding > 0.0 {
-            let rounding = held.worst_rounding * slope.abs();
-            format!("{stored} in the file, held as {held_as}: values are rounded by at most {rounding:.3e}")
-        } else {
-            format!("{stored} in the file, held as {held_as} without loss")
-        });
-    }
-    if held.overflowed > 0 {
-        notes.push(format!("{} values are too large for {held_as} and count as infinite", held.overflowed));
-    }
 }

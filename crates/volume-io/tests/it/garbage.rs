@@ -38,9 +38,7 @@ fn what_is_no_volume_is_named() {
     };
     check(b"", "an empty file");
     check(b"hello", "text");
-    check(b"NRRD0005\n", "NRRD");
     check(b"PK\x03\x04....", "a ZIP archive");
-    check(b"ObjectType = Image\n", "MetaImage");
     check(&[0xde, 0xad, 0xbe, 0xef], "unknown bytes de ad be ef");
     let mut dicom = [0; 140];
     dicom[128..132].copy_from_slice(b"DICM");
@@ -110,5 +108,5 @@ fn the_seeds_of_the_fuzz_target_are_volumes() {
         assert!(loaded.is_ok(), "{}: {}", path.display(), loaded.unwrap_err());
         seeds += 1;
     }
-    assert_eq!(seeds, 24);
+    assert_eq!(seeds, 34);
 }

@@ -1,17 +1,22 @@
-//! Positions and values against nibabel; `tools/golden_geometry.py` computed what is expected.
+//! Positions and values against nibabel, SimpleITK and pynrrd; `tools/golden_geometry.py` and `tools/golden_volumes.py`
+//! computed what is expected.
 
-use crate::{fixture_path, shared};
+use crate::{fixture_path, fixtures, shared};
 use serde_json::Value;
 use spatial::DVec3;
 use std::path::Path;
 use volume::{Statistics, Volume};
 use volume_io::{LoadOptions, load};
 
-/// How far a position may lie from nibabel's, in millimetres.
+/// How far a position may lie from theirs, in millimetres.
 const NEAR_MM: f64 = 1.0e-4;
 
 fn golden(part: &str) -> Vec<Value> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/golden.json");
+    golden_of("golden.json", part)
+}
+
+fn golden_of(file: &str, part: &str) -> Vec<Value> {
+    let path = fixtures().join(file);
     let golden: Value = serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();
     golden[part].as_array().unwrap().clone()
 }
@@ -61,6 +66,24 @@ fn small_files_of_each_kind_agree_with_nibabel() {
     assert_eq!(all.len(), 18);
     for expected in all {
         check(&fixture_path(expected["file"].as_str().unwrap()), &expected);
+    }
+}
+
+#[test]
+fn small_nrrd_and_metaimage_files_agree_with_simple_itk_and_pynrrd() {
+    let all = golden_of("volumes.json", "small");
+    assert_eq!(all.len(), 23);
+    for expected in all {
+        check(&fixtures().join(expected["file"].as_str().unwrap()), &expected);
+    }
+}
+
+#[test]
+fn real_nrrd_and_metaimage_files_agree_with_simple_itk_and_pynrrd() {
+    for expected in golden_of("volumes.json", "shared") {
+        if let Some(path) = shared(expected["file"].as_str().unwrap()) {
+            check(&path, &expected);
+        }
     }
 }
 

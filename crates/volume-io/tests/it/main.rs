@@ -9,7 +9,9 @@ mod atlas;
 mod describe;
 mod garbage;
 mod golden;
+mod metaimage;
 mod nifti;
+mod nrrd;
 mod raw;
 
 use std::path::PathBuf;
@@ -17,7 +19,11 @@ use volume_io::{LoadError, LoadOptions, Loaded, load_bytes};
 
 /// A small NIfTI file that `tools/golden_geometry.py` wrote.
 fn fixture_path(name: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/nifti").join(name)
+    fixtures().join("nifti").join(name)
+}
+
+fn fixtures() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures")
 }
 
 fn fixture(name: &str) -> Vec<u8> {

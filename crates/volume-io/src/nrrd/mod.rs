@@ -1,0 +1,231 @@
+//! NRRD: a header of text, and the voxels after it or in other files.
+//!
+//! Source of the layout and of what the fields mean: "Definition of NRRD File Format", teem,
+//! <http://teem.sourceforge.net/nrrd/format.html>. Why the header is read here: `docs/decisions/0010-nrrd-and-metaimage.md`.
+
+mod geometry;
+mod header;
+
+use crate::load::{checked_axis, finish};
+use crate::pieces::{Pieces, Skipped, listed, numbered};
+use crate::samples::{self, Run, StoredType};
+use crate::source::{Part, Source};
+use crate::stream::{self, Encoding, Stream};
+use crate::text::{integers, short};
+use crate::{Format, LoadError, LoadOptions, Loaded};
+use header::Header;
+use std::io::{BufRead as _, Read};
+use volume::{Channel, ChannelKind};
+
+pub(crate) use header::is_header;
+
+/// Most axes of a file, as in the definition.
+const MOST_AXES: i64 = 16;
+/// Most lines that are skipped before voxels.
+const MOST_LINES: i64 = 1 << 20;
+
+/// Loads the volume, the first one if there is a series of them.
+pub(crate) fn load(
+    source: &Source<'_>,
+    mut part: Part<'_>,
+    options: &LoadOptions,
+) -> Result<Loaded, LoadError> {
+    let header = Header::read(&mut part)?;
+    let file = part.name.clone();
+    let mut notes = Vec::new();
+    let axes = geometry::axes(&file, &header)?;
+    let dims = [
+        checked_axis(&file, "sizes", axes.sizes[axes.spatial[0]])?,
+        checked_axis(&file, "sizes", axes.sizes[axes.spatial[1]])?,
+        checked_axis(&file, "sizes", axes.sizes[axes.spatial[2]])?,
+    ];
+    let steps = axes.steps(&file)?;
+    if steps > 1 {
+        notes.push(format!("a series of {steps} volumes: the first one is loaded"));
+    }
+    let grid = geometry::grid(&file, &header, &axes, dims, &mut notes)?;
+    let stored = stored_type(&file, header.required("type")?)?;
+
+    // Three axes of 15 bits and samples of at most 8 bytes: no product overflows 64 bits.
+    let count = grid.voxel_count();
+    options.check_size(&file, count as u128 * stored.held_bytes() as u128)?;
+    let bytes = count as u64 * stored.bytes() as u64;
+    let whole = bytes.checked_mul(steps).ok_or_else(|| {
+        LoadError::field(&file, "sizes", "a file of less than 2^64 bytes", &format!("{steps} volumes"))
+    })?;
+
+    let encoding = encoding(&file, header.required("encoding")?)?;
+    let order = header.byte_order(stored, encoding)?;
+    let mut stream = open(source, part, &header, &axes, Data { encoding, stored, bytes, whole })?;
+    let Stream { holds_at_most, packed, .. } = stream;
+    let run = Run { file: &file, stored, order, count, holds_at_most, packed };
+    let held = samples::read(&mut stream.input, &run, options)?;
+    if steps == 1 && encoding == Encoding::Deflate {
+        stream::check_tail(&file, &mut stream, &mut notes)?;
+    }
+    held.note(stored, 1.0, &mut notes);
+
+    let kind = if header.is_segmentation { ChannelKind::Label } else { ChannelKind::Intensity };
+    let kind = options.kind.unwrap_or(kind);
+    let name = if kind == ChannelKind::Label { "labels" } else { "image" }.to_owned();
+    let channel = Channel { name, kind, voxels: held.voxels, slope: 1.0, intercept: 0.0 };
+    finish(&file, Format::Nrrd, grid, vec![channel], notes)
+}
+
+/// What the header says about the data.
+#[derive(Clone, Copy)]
+struct Data {
+    encoding: Encoding,
+    stored: StoredType,
+    /// Bytes of the volume, as raw samples.
+    bytes: u64,
+    /// Bytes of all volumes of the series.
+    whole: u64,
+}
+
+fn open<'s, 'a>(
+    source: &'s Source<'a>,
+    part: Part<'a>,
+    header: &Header,
+    axes: &geometry::Axes,
+    data: Data,
+) -> Result<Stream<Box<dyn Read + 's>>, LoadError> {
+    let file = part.name.clone();
+    let lines = header.integer(&["line skip", "lineskip"], 0)?;
+    if !(0..=MOST_LINES).contains(&lines) {
+        return Err(LoadError::field(&file, "line skip", format!("0 to {MOST_LINES}"), &lines));
+    }
+    let skipped = match header.integer(&["byte skip", "byteskip"], 0)? {
+        -1 => Skipped::AllBeforeEnd,
+        n => Skipped::Bytes(u64::try_from(n).map_err(|_| {
+            LoadError::field(
+                &file,
+                "byte skip",
+                "0 or more, or -1 for what precedes the voxels at the end",
+                &n,
+            )
+        })?),
+    };
+    let one = |mut part: Part<'a>| {
+        for _ in 0..lines {
+            skip_line(&mut part)?;
+        }
+        stream::open(part, data.encoding, data.stored, skipped, data.bytes)
+    };
+    let Some(named) = header.get(&["data file", "datafile"]) else { return one(part) };
+    const FIELD: &str = "data file";
+    let names = match file_names(&file, named, header, axes, data)? {
+        Names::One(name) => return one(source.open_within_folder(FIELD, &name)?),
+        Names::Several(names) => names,
+    };
+    if data.encoding != Encoding::Raw || lines > 0 {
+        let expected = "one file, or several of raw voxels without lines to skip";
+        let found = format!("{} files that are not raw", names.len());
+        return Err(LoadError::field(&file, FIELD, expected, &found));
+    }
+    let bytes = data.whole / names.len() as u64;
+    let wanted = data.bytes.div_ceil(bytes) as usize;
+    let names = names.into_iter().take(wanted).collect();
+    let chain = Pieces { source, field: FIELD, names, skipped, bytes }.open()?;
+    Ok(Stream { input: Box::new(chain), holds_at_most: data.bytes, packed: None })
+}
+
+enum Names {
+    One(String),
+    Several(Vec<String>),
+}
+
+/// The files that `data file` names: one, a list, or a pattern with first, last and step.
+fn file_names(
+    file: &str,
+    named: &str,
+    header: &Header,
+    axes: &geometry::Axes,
+    data: Data,
+) -> Result<Names, LoadError> {
+    const FIELD: &str = "data file";
+    let words: Vec<&str> = named.split_whitespace().collect();
+    let (names, axes_a_file) = match words.as_slice() {
+        ["LIST", rest @ ..] if rest.len() < 2 => {
+            (listed(file, FIELD, header.after_data_file.iter().map(String::as_str))?, rest.first())
+        }
+        [pattern, rest @ ..] if pattern.contains('%') && matches!(rest.len(), 3 | 4) => {
+            let range = integers(file, FIELD, &rest[..3].join(" "), 3)?;
+            (numbered(file, FIELD, pattern, [range[0], range[1], range[2]])?, rest.get(3))
+        }
+        _ => return Ok(Names::One(named.to_owned())),
+    };
+    let all_axes = axes.sizes.len();
+    let axes_a_file = match axes_a_file {
+        None => all_axes - 1,
+        Some(text) => text.parse().ok().filter(|n| (1..=all_axes).contains(n)).ok_or_else(|| {
+            LoadError::field(file, FIELD, format!("1 to {all_axes} axes a file"), &short(text))
+        })?,
+    };
+    // With all axes in each file, the files follow each other along the slowest one.
+    let files = names.len() as u64;
+    let slices = axes.sizes[axes_a_file..].iter().try_fold(1u64, |n, &s| n.checked_mul(s.unsigned_abs()));
+    let slowest = axes.sizes[all_axes - 1].unsigned_abs();
+    let fits = if axes_a_file == all_axes { slowest.is_multiple_of(files) } else { slices == Some(files) };
+    if !fits || !data.whole.is_multiple_of(files) {
+        let expected = match slices {
+            Some(slices) if axes_a_file < all_axes => format!("{slices} files, as sizes say"),
+            _ => format!("files that share {slowest} slices evenly"),
+        };
+        return Err(LoadError::field(file, FIELD, expected, &format!("{files} files")));
+    }
+    Ok(Names::Several(names))
+}
+
+fn skip_line(part: &mut Part<'_>) -> Result<(), LoadError> {
+    let passed = part.input.skip_until(b'\n');
+    let passed = passed.map_err(|source| LoadError::Unreadable { file: part.name.clone(), source })?;
+    if passed == 0 {
+        let file = part.name.clone();
+        return Err(LoadError::Truncated {
+            file,
+            what: "lines to skip",
+            expected: part.length + 1,
+            found: part.length,
+        });
+    }
+    Ok(())
+}
+
+fn stored_type(file: &str, name: &str) -> Result<StoredType, LoadError> {
+    Ok(match name {
+        "signed char" | "int8" | "int8_t" => StoredType::I8,
+        "uchar" | "unsigned char" | "uint8" | "uint8_t" => StoredType::U8,
+        "short" | "short int" | "signed short" | "signed short int" | "int16" | "int16_t" => StoredType::I16,
+        "ushort" | "unsigned short" | "unsigned short int" | "uint16" | "uint16_t" => StoredType::U16,
+        "int" | "signed int" | "int32" | "int32_t" => StoredType::I32,
+        "uint" | "unsigned int" | "uint32" | "uint32_t" => StoredType::U32,
+        "longlong"
+        | "long long"
+        | "long long int"
+        | "signed long long"
+        | "signed long long int"
+        | "int64"
+        | "int64_t" => StoredType::I64,
+        "ulonglong" | "unsigned long long" | "unsigned long long int" | "uint64" | "uint64_t" => {
+            StoredType::U64
+        }
+        "float" => StoredType::F32,
+        "double" => StoredType::F64,
+        _ => {
+            let expected = "integers of 8 to 64 bits, float or double";
+            return Err(LoadError::field(file, "type", expected, &short(name)));
+        }
+    })
+}
+
+fn encoding(file: &str, name: &str) -> Result<Encoding, LoadError> {
+    Ok(match name.to_ascii_lowercase().as_str() {
+        "raw" => Encoding::Raw,
+        "txt" | "text" | "ascii" => Encoding::Text,
+        "gz" | "gzip" => Encoding::Deflate,
+        _ => {
+            return Err(LoadError::field(file, "encoding", "raw, gzip or ascii", &short(name)));
+        }
+    })
+}
