@@ -325,9 +325,8 @@ fn maximum(ray: Ray) -> Pixel {
     return Pixel(o.rgb * o.a, o.a, best_mm, true);
 }
 
-fn cumulated(ray: Ray) -> Pixel {
-    var out = first_crossing(ray);
-    let behind = x_ray(ray);
+fn surface_over(front: Pixel, behind: Pixel) -> Pixel {
+    var out = front;
     out.color += (1.0 - out.opacity) * behind.color;
     out.opacity += (1.0 - out.opacity) * behind.opacity;
     if (!out.has_depth) {
@@ -363,9 +362,13 @@ fn raycast(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
         } else if (MODE == MAXIMUM) {
             out = maximum(ray);
         } else {
-            out = cumulated(ray);
+            out = surface_over(first_crossing(ray), x_ray(ray));
         }
     }
+    store(out, ray, pixel, eye);
+}
+
+fn store(out: Pixel, ray: Ray, pixel: vec2<u32>, eye: u32) {
     let depth = select(0.0, max(out.depth_mm + ray.eye_distance_mm, 1.0e-30), out.has_depth);
     textureStore(picture, pixel, eye, vec4<f32>(out.color, out.opacity));
     textureStore(depth_mm, pixel, eye, vec4<f32>(depth, 0.0, 0.0, 0.0));

@@ -44,6 +44,11 @@ fn facing(p: vec3<f32>, direction_mm: vec3<f32>) -> f32 {
         raw_at(p + vec3<f32>(0.0, 1.0, 0.0)) - raw_at(p - vec3<f32>(0.0, 1.0, 0.0)),
         raw_at(p + vec3<f32>(0.0, 0.0, 1.0)) - raw_at(p - vec3<f32>(0.0, 0.0, 1.0)),
     );
+    return cosine_of(g, direction_mm);
+}
+
+// The same, of a gradient by index, up to a common factor.
+fn cosine_of(g: vec3<f32>, direction_mm: vec3<f32>) -> f32 {
     let strongest = max(max(abs(g.x), abs(g.y)), abs(g.z));
     if (!(strongest > 0.0)) {
         return 0.0;

@@ -55,6 +55,9 @@ struct Frame {
     depth_rows: u32,
     // 1, or 0 to look at every sample although cells are empty: the same pipeline, so that the same bits come out.
     skip_empty: u32,
+    // Of an integer format: numbers its range has, less 1, and what is added to them; 0, 0 of floats. Then slope and
+    // intercept: value = stored * slope + intercept.
+    stored: vec4<f32>,
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;

@@ -54,6 +54,21 @@ pub(crate) struct GpuFrame {
     pub(crate) depth_rows: u32,
     pub(crate) skip_empty: u32,
     pub(crate) pad: [u32; 3],
+    pub(crate) stored: [f32; 4],
+}
+
+/// `Stretch` in WGSL.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct GpuStretch {
+    pub(crate) value_from: f32,
+    pub(crate) value_to: f32,
+    pub(crate) opacity_from: f32,
+    pub(crate) opacity_to: f32,
+    pub(crate) color_from: [f32; 3],
+    pub(crate) per_value: f32,
+    pub(crate) color_to: [f32; 3],
+    pub(crate) seen_before: u32,
 }
 
 #[cfg(test)]
@@ -84,7 +99,14 @@ mod tests {
         let rust = members!(GpuFrame: eyes, render_size, output_size, luma_stride, eye_count, step_mm,
             least_transmittance, dims, value_scale, cells, value_offset, gradient_x, table_scale, gradient_y,
             table_offset, gradient_z, threshold, light, surface_color, surface_opacity, background, window_low,
-            window_per_value, room_mm_per_volume_mm, depth_columns, depth_rows, skip_empty);
+            window_per_value, room_mm_per_volume_mm, depth_columns, depth_rows, skip_empty, stored);
         assert_eq!(wgsl_struct("Frame"), (rust, size_of::<GpuFrame>() as u32));
+    }
+
+    #[test]
+    fn stretch_lies_in_memory_as_the_shader_reads_it() {
+        let rust = members!(GpuStretch: value_from, value_to, opacity_from, opacity_to, color_from, per_value,
+            color_to, seen_before);
+        assert_eq!(wgsl_struct("Stretch"), (rust, size_of::<GpuStretch>() as u32));
     }
 }

@@ -20,6 +20,8 @@ pub(crate) struct Features {
     pub(crate) lit: bool,
     pub(crate) skip: bool,
     pub(crate) exact_filter: bool,
+    /// Whether cells are solved instead of stepped through.
+    pub(crate) cells: bool,
 }
 
 impl Features {
@@ -30,6 +32,7 @@ impl Features {
             lit: numbers.lit && numbers.mode == Mode::EmissionAbsorption,
             skip: numbers.has_empty_cells,
             exact_filter: quality.sampling == Sampling::Float32,
+            cells: quality.sampling == Sampling::Cells,
         }
     }
 
@@ -96,7 +99,7 @@ impl Pipelines {
         let sampler = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
         let frame_layout = layout("frame", &[uniform]);
         let volume_layout = layout("volume", &[voxels, sampler, voxels]);
-        let scene_layout = layout("scene", &[cells, table, sampler, read]);
+        let scene_layout = layout("scene", &[cells, table, sampler, read, read]);
         let layers = wgpu::TextureViewDimension::D2Array;
         let written = |format| wgpu::BindingType::StorageTexture {
             access: wgpu::StorageTextureAccess::WriteOnly,
@@ -163,7 +166,8 @@ impl Pipelines {
             ("EXACT_FILTER", flag(features.exact_filter)),
             ("ENTRIES", ENTRIES as f64),
         ];
-        let made = Arc::new(make(device, &self.raycast_module, &self.raycast_layout, "raycast", &constants));
+        let entry = if features.cells { "exact" } else { "raycast" };
+        let made = Arc::new(make(device, &self.raycast_module, &self.raycast_layout, entry, &constants));
         lock().entry(features).or_insert(made).clone()
     }
 }

@@ -7,6 +7,9 @@ pub enum Sampling {
     Hardware,
     /// The shader, in float32, from eight fetched voxels.
     Float32,
+    /// Nobody: the shader goes from voxel cell to voxel cell instead of stepping, and solves the field in each in float32.
+    /// A step has no meaning then.
+    Cells,
 }
 
 /// What a frame may cost.
@@ -14,7 +17,7 @@ pub enum Sampling {
 pub struct Quality {
     /// Rays along each side of the picture over pixels along it, above 0 to 1.
     pub resolution_scale: f64,
-    /// Distance of samples along a ray over the smallest voxel spacing.
+    /// Distance of samples along a ray over the smallest voxel spacing; not looked at with [`Sampling::Cells`].
     pub step_voxels: f64,
     /// A ray ends when less than this part of the light comes through: the error is at most this, in units of full
     /// brightness.
@@ -38,13 +41,9 @@ impl Quality {
     };
     /// Two samples a voxel.
     pub const FINE: Self = Self { step_voxels: 0.5, least_transmittance: 1.0 / 2048.0, ..Self::BALANCED };
-    /// Eight samples a voxel, interpolated in float32.
-    pub const EXACT: Self = Self {
-        step_voxels: 0.125,
-        least_transmittance: 1.0e-5,
-        sampling: Sampling::Float32,
-        ..Self::BALANCED
-    };
+    /// Without steps: exact up to the rounding of float32.
+    pub const EXACT: Self =
+        Self { step_voxels: 0.125, least_transmittance: 1.0e-5, sampling: Sampling::Cells, ..Self::BALANCED };
 
     /// The levels by name, cheapest first.
     pub const LEVELS: [(&'static str, Self); 4] =

@@ -3,7 +3,7 @@
 use crate::error::RenderError;
 use crate::gpu::Gpu;
 use crate::layout::GpuFrame;
-use crate::table::{ENTRIES, SeenValues, TableDomain, extinction_table, optical_table};
+use crate::table::{ENTRIES, SeenValues, TableDomain, extinction_table, optical_table, stretches};
 use crate::volume_on_device::SharedVolume;
 use crate::{DepthGridSize, FrameRenderer, Placed, Quality, StereoPlan, StereoRequest};
 use scene::{Mode, Scene};
@@ -36,6 +36,7 @@ pub struct SceneOnDevice {
     distances: wgpu::TextureView,
     table_sampler: wgpu::Sampler,
     extinction: wgpu::Buffer,
+    stretches: wgpu::Buffer,
     bind_groups: Mutex<HashMap<u64, Arc<wgpu::BindGroup>>>,
 }
 
@@ -53,7 +54,7 @@ impl SceneOnDevice {
         let data = channel.cells.whole();
         let domain = TableDomain::of(scene, data);
         // Any step shows the same values; only the opacity of a step differs.
-        let seen = SeenValues::of(&optical_table(scene, domain, 1.0), domain);
+        let seen = SeenValues::of(&scene.transfer, &optical_table(scene, domain, 1.0), domain);
         // The shader's value may err by some units of float32's last place.
         let slack = (data[1] - data[0]).max(data[0].abs()).max(data[1].abs()) * 1.0e-6;
         let distances = match scene.mode {
@@ -78,14 +79,22 @@ impl SceneOnDevice {
             wgpu::TextureFormat::R8Uint,
             &distances,
         )?;
-        let extinction = gpu.guarded("the scene's extinction", || {
-            gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-                label: Some("extinction"),
-                contents: bytemuck::cast_slice(&extinction_table(scene, domain)),
-                usage: wgpu::BufferUsages::STORAGE,
+        let numbers = |what: &'static str, content: &[u8]| {
+            gpu.guarded(what, || {
+                gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+                    label: Some(what),
+                    contents: content,
+                    usage: wgpu::BufferUsages::STORAGE,
+                })
             })
-        })?;
-        let frame = frame_numbers(scene, domain, channel.value_scale, channel.value_offset);
+        };
+        let extinction =
+            numbers("the scene's extinction", bytemuck::cast_slice(&extinction_table(scene, domain)))?;
+        let stretches = numbers("the scene's stretches", bytemuck::cast_slice(&stretches(scene)))?;
+        let frame = GpuFrame {
+            stored: channel.stored.map(|x| x as f32),
+            ..frame_numbers(scene, domain, channel.value_scale, channel.value_offset)
+        };
         let numbers = SceneNumbers { mode: scene.mode, lit: scene.light.is_some(), has_empty_cells, frame };
         Ok(Self {
             scene: scene.clone(),
@@ -96,6 +105,7 @@ impl SceneOnDevice {
             distances,
             table_sampler: gpu.linear_sampler(),
             extinction,
+            stretches,
             bind_groups: Mutex::default(),
         })
     }
@@ -182,6 +192,7 @@ impl SceneOnDevice {
                     resource: wgpu::BindingResource::Sampler(&self.table_sampler),
                 },
                 wgpu::BindGroupEntry { binding: 3, resource: self.extinction.as_entire_binding() },
+                wgpu::BindGroupEntry { binding: 4, resource: self.stretches.as_entire_binding() },
             ],
         }));
         kept.insert(key, group.clone());

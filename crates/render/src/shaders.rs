@@ -1,10 +1,11 @@
 //! The shaders' text. Shared parts come first; one module a pass.
 
-/// Ray-cast both eyes.
+/// Ray-cast both eyes: in steps (`raycast`), or without (`exact`).
 pub(crate) const RAYCAST: &str = concat!(
     include_str!("../../../shaders/common/frame.wgsl"),
     include_str!("../../../shaders/common/field.wgsl"),
     include_str!("../../../shaders/raycast.wgsl"),
+    include_str!("../../../shaders/exact.wgsl"),
 );
 
 /// Convert the picture to YUV 4:2:0.

@@ -1,6 +1,8 @@
-//! The transfer function as the shader reads it: colour and opacity of one step, by value.
+//! The transfer function as the shaders read it: a table of colour and opacity of one step, by value; and, where no step
+//! is taken, its linear stretches.
 
-use scene::{Mode, Scene};
+use crate::layout::GpuStretch;
+use scene::{HIGHEST_OPACITY_PER_MM, Mode, Scene, TransferFunction, TransferPoint};
 
 /// Entries of a table. Linear between them.
 pub(crate) const ENTRIES: usize = 4096;
@@ -64,28 +66,111 @@ pub(crate) fn extinction_table(scene: &Scene, domain: TableDomain) -> Vec<f32> {
     (0..ENTRIES).map(|e| scene.transfer.at(domain.value(e)).extinction_per_mm() as f32).collect()
 }
 
-/// Which ranges of values are seen, by a count over the table: one look a cell, whatever the function.
+/// Values at the open ends of the first and the last stretch: beyond what a volume holds, and finite.
+const OPEN_END: f32 = 3.0e38;
+
+/// The linear stretches of the transfer function, in the order of values: one before each point, and one after the last.
+pub(crate) fn stretches(scene: &Scene) -> Vec<GpuStretch> {
+    let points = match scene.mode {
+        Mode::Maximum => scene.transfer.points().to_vec(),
+        _ => held_below_one(scene.transfer.points()),
+    };
+    let mut seen_before = 0;
+    (0..=points.len())
+        .map(|i| {
+            let (before, after) = (i.checked_sub(1).and_then(|i| points.get(i)), points.get(i));
+            let nothing = TransferPoint { value: 0.0, color: [0.0; 3], opacity_per_mm: 0.0 };
+            let from = before.or(after).unwrap_or(&nothing);
+            let to = after.unwrap_or(from);
+            let value_from = before.map_or(-OPEN_END, |p| p.value as f32);
+            let value_to = after.map_or(OPEN_END, |p| p.value as f32);
+            let is_inner = before.is_some() && after.is_some() && value_to > value_from;
+            let stretch = GpuStretch {
+                value_from,
+                value_to,
+                opacity_from: from.opacity_per_mm as f32,
+                opacity_to: to.opacity_per_mm as f32,
+                color_from: from.color.map(|c| c as f32),
+                per_value: if is_inner { (1.0 / (value_to - value_from)).min(f32::MAX) } else { 0.0 },
+                color_to: to.color.map(|c| c as f32),
+                seen_before,
+            };
+            seen_before += u32::from(stretch.opacity_from > 0.0 || stretch.opacity_to > 0.0);
+            stretch
+        })
+        .collect()
+}
+
+/// Points whose opacity is held below 1, with a new one where a stretch passes [`HIGHEST_OPACITY_PER_MM`].
+fn held_below_one(points: &[TransferPoint]) -> Vec<TransferPoint> {
+    let mut held: Vec<TransferPoint> = Vec::with_capacity(points.len());
+    for (i, &p) in points.iter().enumerate() {
+        if let Some(before) = i.checked_sub(1).map(|i| points[i]) {
+            let above = |p: TransferPoint| p.opacity_per_mm - HIGHEST_OPACITY_PER_MM;
+            if above(before) * above(p) < 0.0 && p.value > before.value {
+                let part = above(before) / (above(before) - above(p));
+                let mix = |a: f64, b: f64| a + (b - a) * part;
+                held.push(TransferPoint {
+                    value: mix(before.value, p.value),
+                    color: std::array::from_fn(|c| mix(before.color[c], p.color[c])),
+                    opacity_per_mm: HIGHEST_OPACITY_PER_MM,
+                });
+            }
+        }
+        held.push(TransferPoint { opacity_per_mm: p.opacity_per_mm.min(HIGHEST_OPACITY_PER_MM), ..p });
+    }
+    held
+}
+
+/// Which ranges of values are seen, by counts over the table and over the function's own points: two looks a cell,
+/// whatever the function.
 pub(crate) struct SeenValues {
     domain: TableDomain,
     /// Entries with opacity before the i-th.
     before: Vec<u32>,
+    /// The values of the function's points, and how many stretches with opacity lie before the i-th stretch.
+    knots: Vec<f64>,
+    stretches_before: Vec<u32>,
 }
 
 impl SeenValues {
-    pub(crate) fn of(table: &[[f32; 4]], domain: TableDomain) -> Self {
-        let mut before = Vec::with_capacity(table.len() + 1);
-        let mut count = 0;
-        before.push(0);
-        for entry in table {
-            count += u32::from(entry[3] > 0.0);
-            before.push(count);
+    pub(crate) fn of(transfer: &TransferFunction, table: &[[f32; 4]], domain: TableDomain) -> Self {
+        let counted = |seen: &mut dyn Iterator<Item = bool>| {
+            let mut count = 0;
+            let mut before = vec![0];
+            before.extend(seen.map(|s| {
+                count += u32::from(s);
+                count
+            }));
+            before
+        };
+        let points = transfer.points();
+        let opaque = |i: Option<usize>| i.and_then(|i| points.get(i)).is_some_and(|p| p.opacity_per_mm > 0.0);
+        Self {
+            domain,
+            before: counted(&mut table.iter().map(|entry| entry[3] > 0.0)),
+            knots: points.iter().map(|p| p.value).collect(),
+            stretches_before: counted(
+                &mut (0..=points.len()).map(|i| opaque(i.checked_sub(1)) || opaque(Some(i))),
+            ),
         }
-        Self { domain, before }
     }
 
-    /// Whether some value of the range has opacity in the table, linear between its entries; an entry more is looked at
-    /// on each side for the rounding of float32.
-    pub(crate) fn is_seen(&self, [low, high]: [f32; 2]) -> bool {
+    /// Whether some value of the range has opacity: in the table, linear between its entries, or in the function itself.
+    /// The rounding of float32 is allowed for: an entry on each side, and some units of the last place.
+    pub(crate) fn is_seen(&self, range: [f32; 2]) -> bool {
+        self.is_seen_in_table(range) || self.is_seen_in_function(range)
+    }
+
+    fn is_seen_in_function(&self, range: [f32; 2]) -> bool {
+        let [low, high] = range.map(f64::from);
+        let slack = low.abs().max(high.abs()) * 1.0e-6;
+        let first = self.knots.partition_point(|&k| k < low - slack);
+        let last = self.knots.partition_point(|&k| k <= high + slack);
+        self.stretches_before[last + 1] > self.stretches_before[first]
+    }
+
+    fn is_seen_in_table(&self, [low, high]: [f32; 2]) -> bool {
         let last = self.before.len() - 2;
         let first_entry =
             (self.domain.position(f64::from(low)).floor() - 1.0).clamp(0.0, last as f64) as usize;
@@ -133,7 +218,7 @@ mod tests {
         let scene =
             scene(r#"{"transfer": [[0,0,0,0,0],[100,1,1,1,0],[101,1,1,1,0.5],[102,1,1,1,0],[255,0,0,0,0]]}"#);
         let domain = TableDomain::of(&scene, [0.0, 255.0]);
-        let seen = SeenValues::of(&optical_table(&scene, domain, 1.0), domain);
+        let seen = SeenValues::of(&scene.transfer, &optical_table(&scene, domain, 1.0), domain);
         assert!(seen.is_seen([0.0, 255.0]));
         assert!(seen.is_seen([100.9, 101.0]));
         assert!(!seen.is_seen([0.0, 99.0]));
@@ -146,6 +231,6 @@ mod tests {
         let domain = TableDomain::of(&scene, [0.0, 255.0]);
         let table = optical_table(&scene, domain, 1.0);
         assert!(table.iter().all(|e| (e[3] - 0.5).abs() < 1e-6));
-        assert!(SeenValues::of(&table, domain).is_seen([0.0, 0.0]));
+        assert!(SeenValues::of(&scene.transfer, &table, domain).is_seen([0.0, 0.0]));
     }
 }

@@ -27,6 +27,8 @@ pub(crate) struct ChannelOnDevice {
     /// value = raw · value_scale + value_offset, raw as the texture gives it.
     pub(crate) value_scale: f64,
     pub(crate) value_offset: f64,
+    /// As the shader's frame has it: what takes the texture's number to the stored one, and that to the value.
+    pub(crate) stored: [f64; 4],
 }
 
 impl VolumeOnDevice {
@@ -130,7 +132,9 @@ impl ChannelOnDevice {
         let value_scale = channel.slope * unit;
         let value_offset = channel.slope * shift + channel.intercept;
         let bind_group = Self::bind(gpu, &texture, &cells)?;
-        Ok(Self { cells, bind_group, value_scale, value_offset })
+        let integers = if matches!(channel.voxels, Voxels::F32(_)) { 0.0 } else { unit };
+        let stored = [integers, shift, channel.slope, channel.intercept];
+        Ok(Self { cells, bind_group, value_scale, value_offset, stored })
     }
 
     fn bind(gpu: &Gpu, texture: &wgpu::Texture, cells: &CellRanges) -> Result<wgpu::BindGroup, RenderError> {

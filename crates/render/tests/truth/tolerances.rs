@@ -1,0 +1,29 @@
+//! How far a picture may be off, and why. Nothing here was found by trying until tests passed: each number follows from
+//! what it is derived from, and what a level cannot hold is told by name in `docs/picture.md`.
+
+use reference::Tolerance;
+
+/// A step of an 8-bit channel.
+pub(crate) const STEP_OF_8_BITS: f64 = 1.0 / 255.0;
+
+/// Largest error of a channel at the level `exact`: half a step of 8 bits, so that the rounded picture is right or next
+/// to it. What the method itself leaves: float32 rounds 2⁻²⁴ some hundred times along a ray (1e-5); pieces are integrated
+/// to 2e-5 each, of which the rule's own error is a small part; a ray ends at 1e-5 of the light.
+pub(crate) const EXACT_COLOR: f64 = 0.5 * STEP_OF_8_BITS;
+
+/// Largest error of a depth where opacity is high, in voxels (of the smallest spacing). A headset reprojects by depth: at
+/// half a metre, a quarter of a millimetre seen 64 mm beside is 0.2 of the 47 pixels that a degree has.
+pub(crate) const DEPTH_VOXELS: f64 = 0.25;
+/// Opacity from which on it is high.
+pub(crate) const HIGH_OPACITY: f64 = 0.9;
+
+/// Most pixels of a picture, as a part, in which a float32 ray may meet another right answer than the exact ray does. A
+/// picture jumps along curves; float32 shifts a ray by up to 2⁻²⁰ of its length (`reference::Uncertainty`), which here is
+/// some 1e-3 of a pixel. A picture of 64 x 36 pixels has at most some hundred pixels on such curves, each of which is
+/// met so closely with a chance of 1e-3: one pixel is a lot, two are allowed.
+pub(crate) const MOST_JUMPS: f64 = 2.0 / (64.0 * 36.0);
+
+/// What is asked of a picture at the level `exact`, with voxels of `voxel_mm`.
+pub(crate) fn exact(voxel_mm: f64) -> Tolerance {
+    Tolerance { color: EXACT_COLOR, depth_mm: DEPTH_VOXELS * voxel_mm, depth_from_opacity: HIGH_OPACITY }
+}

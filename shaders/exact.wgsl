@@ -1,0 +1,554 @@
+// The picture without steps and tables. Along a ray the field of a voxel cell is a cubic, so cell by cell: surfaces and
+// knots of the transfer function are roots of it, maxima lie at its turns, the mean is Simpson's rule, and emission and
+// absorption is integrated between knots by Boole's rule on pieces that are halved until they are true. What is left is
+// the rounding of float32. For stills: a frame takes what it takes.
+
+// A linear stretch of the transfer function. The Rust mirror is `GpuStretch`; a test compares the layouts.
+struct Stretch {
+    // The values from which and up to which it holds. Beyond the outermost knots it goes on for ever, and is constant.
+    value_from: f32,
+    value_to: f32,
+    // Of a millimetre; in the mode maximum as it stands.
+    opacity_from: f32,
+    opacity_to: f32,
+    color_from: vec3<f32>,
+    // 1 / (value_to - value_from), or 0 where it is constant.
+    per_value: f32,
+    color_to: vec3<f32>,
+    // Stretches with opacity before this one.
+    seen_before: u32,
+}
+
+// In the order of values.
+@group(2) @binding(4) var<storage, read> stretches: array<Stretch>;
+
+// Colours of a piece are integrated to this error, of all light.
+const PIECE_ERROR: f32 = 2.0e-5;
+// The shortest piece, as a part of the way through a cell: behind it, light of the densest matter is spent.
+const LEAST_PIECE: f32 = 1.52587890625e-5;
+// Pieces of lit matter begin no longer: a highlight is narrow.
+const LIT_PIECE: f32 = 0.25;
+const ROOT_STEPS: i32 = 24;
+const LN_2: f32 = 0.69314718;
+const FAR: f32 = 3.0e38;
+
+// The stored number itself. Integers come as parts of their range, rounded to float32: they are made whole again.
+fn stored(p: vec3<i32>) -> f32 {
+    let raw = fetched(clamp(p, vec3<i32>(0), vec3<i32>(frame.dims) - 1));
+    return select(raw, round(raw * frame.stored.x) + frame.stored.y, frame.stored.x > 0.0);
+}
+
+fn stretch_of(value: f32) -> u32 {
+    var low = 0u;
+    var high = arrayLength(&stretches);
+    while (high - low > 1u) {
+        let middle = (low + high) / 2u;
+        if (stretches[middle].value_from <= value) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    return low;
+}
+
+fn is_seen(s: Stretch) -> bool {
+    return s.opacity_from > 0.0 || s.opacity_to > 0.0;
+}
+
+// Colour and opacity of a value that lies in a stretch, or off it by no more than rounding.
+fn optical_in(s: Stretch, value: f32) -> vec4<f32> {
+    let part = select(clamp((value - s.value_from) * s.per_value, 0.0, 1.0), 0.0, s.per_value == 0.0);
+    let low = vec4<f32>(s.color_from, s.opacity_from);
+    return low + (vec4<f32>(s.color_to, s.opacity_to) - low) * part;
+}
+
+// -ln(1 - o), with the digits of a small o.
+fn extinction_of(opacity: f32) -> f32 {
+    if (opacity < 0.03) {
+        return opacity * (1.0 + opacity * (0.5 + opacity * (0.33333333 + opacity * (0.25 + opacity * 0.2))));
+    }
+    return -log(1.0 - opacity);
+}
+
+// 1 - exp(-x), with the digits of a small x.
+fn opacity_of(optical_depth: f32) -> f32 {
+    if (optical_depth < 0.03) {
+        return optical_depth * (1.0 - optical_depth * (0.5 - optical_depth * (0.16666667 - optical_depth * 0.041666667)));
+    }
+    return 1.0 - exp(-optical_depth);
+}
+
+// One ray's way through one cell.
+struct Passage {
+    // Between the centres cell and cell + 1; -1 and the last centre make the half cells at the border.
+    cell: vec3<i32>,
+    // Where the cell is entered and left, each coordinate 0 to 1.
+    begin: vec3<f32>,
+    end: vec3<f32>,
+    begin_mm: f32,
+    length_mm: f32,
+}
+
+struct Walk {
+    cell: vec3<i32>,
+    at_mm: f32,
+    // More would be a ray that gets nowhere.
+    cells_left: i32,
+}
+
+fn walk_of(ray: Ray) -> Walk {
+    let last = vec3<i32>(frame.dims) - 1;
+    let cell = clamp(vec3<i32>(floor(at(ray, ray.enter_mm))), vec3<i32>(-1), last);
+    return Walk(cell, ray.enter_mm, last.x + last.y + last.z + 16);
+}
+
+fn is_walking(walk: Walk, ray: Ray) -> bool {
+    return walk.at_mm < ray.leave_mm && walk.cells_left > 0;
+}
+
+// The way through the cell in which the walk is; the walk goes on to the next one. A passage depends on its cell alone,
+// not on how the walk came there.
+fn passed(walk: ptr<function, Walk>, ray: Ray) -> Passage {
+    let cell = (*walk).cell;
+    let forth = ray.mm_per > vec3<f32>(0.0);
+    let plane = select(cell, cell + 1, forth);
+    let is_there = (plane >= vec3<i32>(0)) & (plane < vec3<i32>(frame.dims));
+    let plane_mm = select(vec3<f32>(FAR), (vec3<f32>(plane) - ray.anchor) * ray.mm_per, is_there);
+    let end_mm = min(min(min(plane_mm.x, plane_mm.y), plane_mm.z), ray.leave_mm);
+    let begin_mm = (*walk).at_mm;
+    (*walk).cell = cell + select(vec3<i32>(0), select(vec3<i32>(-1), vec3<i32>(1), forth), plane_mm <= vec3<f32>(end_mm));
+    (*walk).at_mm = max(begin_mm, end_mm);
+    (*walk).cells_left -= 1;
+    let corner = vec3<f32>(cell);
+    var passage: Passage;
+    passage.cell = cell;
+    passage.begin = clamp(at(ray, begin_mm) - corner, vec3<f32>(0.0), vec3<f32>(1.0));
+    passage.end = clamp(at(ray, end_mm) - corner, vec3<f32>(0.0), vec3<f32>(1.0));
+    passage.begin_mm = begin_mm;
+    passage.length_mm = max(end_mm - begin_mm, 0.0);
+    return passage;
+}
+
+// Goes on to just before the end of the empty blocks around the cell that was passed. A walk from there meets the same
+// next planes as one that went cell by cell, so that what follows is the same to the bit.
+fn leap(walk: ptr<function, Walk>, ray: Ray, passage: Passage, reach: u32) {
+    let p = at(ray, passage.begin_mm);
+    let leap_mm = passage.begin_mm + way_out(p, block_of(passage.cell), i32(reach) - 1, ray.mm_per);
+    if (leap_mm > (*walk).at_mm) {
+        (*walk).at_mm = leap_mm;
+        (*walk).cell = clamp(vec3<i32>(floor(at(ray, leap_mm))), vec3<i32>(-1), vec3<i32>(frame.dims) - 1);
+    }
+}
+
+// The block of 8 voxels that knows what a cell holds.
+fn block_of(cell: vec3<i32>) -> vec3<i32> {
+    return clamp(cell / i32(CELL), vec3<i32>(0), vec3<i32>(frame.cells) - 1);
+}
+
+fn corner(i: u32) -> vec3<i32> {
+    return vec3<i32>(i32(i & 1u), i32((i >> 1u) & 1u), i32(i >> 2u));
+}
+
+// Values at the corners of a cell, x fastest.
+fn corner_values(cell: vec3<i32>) -> array<f32, 8> {
+    var values: array<f32, 8>;
+    for (var i = 0u; i < 8u; i += 1u) {
+        values[i] = stored(cell + corner(i)) * frame.stored.z + frame.stored.w;
+    }
+    return values;
+}
+
+fn lowest(c: array<f32, 8>) -> f32 {
+    return min(min(min(c[0], c[1]), min(c[2], c[3])), min(min(c[4], c[5]), min(c[6], c[7])));
+}
+
+fn highest(c: array<f32, 8>) -> f32 {
+    return max(max(max(c[0], c[1]), max(c[2], c[3])), max(max(c[4], c[5]), max(c[6], c[7])));
+}
+
+// The trilinear interpolation of eight corners on the straight way from a to b: coefficients of 1, u, u², u³.
+fn across(c: array<f32, 8>, a: vec3<f32>, b: vec3<f32>) -> vec4<f32> {
+    let d = b - a;
+    let x0 = c[1] - c[0];
+    let x1 = c[3] - c[2];
+    let x2 = c[5] - c[4];
+    let x3 = c[7] - c[6];
+    let y0 = c[2] - c[0];
+    let xy = x1 - x0;
+    let xz = x2 - x0;
+    let yz = (c[6] - c[4]) - y0;
+    let xyz = (x3 - x2) - xy;
+    let slope = vec3<f32>(
+        x0 + xy * a.y + (xz + xyz * a.y) * a.z,
+        y0 + xy * a.x + (yz + xyz * a.x) * a.z,
+        (c[4] - c[0]) + xz * a.x + (yz + xyz * a.x) * a.y,
+    );
+    let low = (c[0] + x0 * a.x) + ((c[2] + x1 * a.x) - (c[0] + x0 * a.x)) * a.y;
+    let high = (c[4] + x2 * a.x) + ((c[6] + x3 * a.x) - (c[4] + x2 * a.x)) * a.y;
+    return vec4<f32>(
+        low + (high - low) * a.z,
+        dot(slope, d),
+        d.x * d.y * (xy + xyz * a.z) + d.x * d.z * (xz + xyz * a.y) + d.y * d.z * (yz + xyz * a.x),
+        d.x * d.y * d.z * xyz,
+    );
+}
+
+fn cubic_at(c: vec4<f32>, u: f32) -> f32 {
+    return c.x + u * (c.y + u * (c.z + u * c.w));
+}
+
+// a / b where it lies between 0 and 1, else 1.
+fn part_of(a: f32, b: f32) -> f32 {
+    if (a != 0.0 && abs(a) < abs(b) && (a > 0.0) == (b > 0.0)) {
+        return a / b;
+    }
+    return 1.0;
+}
+
+// Where a cubic turns between 0 and 1, in order; 1 where it does not.
+fn turns_of(c: vec4<f32>) -> vec2<f32> {
+    let size = max(max(abs(c.y), abs(c.z)), abs(c.w));
+    if (!(size > 0.0)) {
+        return vec2<f32>(1.0);
+    }
+    // Scaled: squares of a float volume's differences may be too small for float32.
+    let q = c.yzw / size;
+    let quarter = q.y * q.y - 3.0 * q.z * q.x;
+    if (quarter <= 0.0) {
+        return vec2<f32>(1.0);
+    }
+    let sum = -(q.y + select(-1.0, 1.0, q.y >= 0.0) * sqrt(quarter));
+    let a = part_of(sum, 3.0 * q.z);
+    let b = part_of(q.x, sum);
+    return vec2<f32>(min(a, b), max(a, b));
+}
+
+// Where a cubic that does not turn between low and high meets a value: Newton's method in a bracket.
+fn root_of(c: vec4<f32>, low_end: f32, high_end: f32, value: f32) -> f32 {
+    var low = low_end;
+    var high = high_end;
+    let rises = cubic_at(c, high) > cubic_at(c, low);
+    var u = 0.5 * (low + high);
+    for (var k = 0; k < ROOT_STEPS; k += 1) {
+        let off = cubic_at(c, u) - value;
+        if ((off > 0.0) == rises) {
+            high = u;
+        } else {
+            low = u;
+        }
+        let slope = c.y + u * (2.0 * c.z + u * 3.0 * c.w);
+        var next = 0.5 * (low + high);
+        if (abs(off) < abs(slope) && k % 3 != 2) {
+            let newton = u - off / slope;
+            if (newton > low && newton < high) {
+                next = newton;
+            }
+        }
+        if (next == u) {
+            break;
+        }
+        u = next;
+    }
+    return u;
+}
+
+// The central differences along x, y and z at a corner.
+fn differences(p: vec3<i32>) -> vec3<f32> {
+    return vec3<f32>(
+        stored(p + vec3<i32>(1, 0, 0)) - stored(p - vec3<i32>(1, 0, 0)),
+        stored(p + vec3<i32>(0, 1, 0)) - stored(p - vec3<i32>(0, 1, 0)),
+        stored(p + vec3<i32>(0, 0, 1)) - stored(p - vec3<i32>(0, 0, 1)),
+    );
+}
+
+// The gradient on the way from a to b through a cell, by index, up to a common factor: three cubics. Inside a cell the
+// central difference is the trilinear interpolation of those at its corners.
+struct Gradient {
+    x: vec4<f32>,
+    y: vec4<f32>,
+    z: vec4<f32>,
+}
+
+fn gradient_across(cell: vec3<i32>, a: vec3<f32>, b: vec3<f32>) -> Gradient {
+    var x: array<f32, 8>;
+    var y: array<f32, 8>;
+    var z: array<f32, 8>;
+    for (var i = 0u; i < 8u; i += 1u) {
+        let d = differences(cell + corner(i));
+        x[i] = d.x;
+        y[i] = d.y;
+        z[i] = d.z;
+    }
+    return Gradient(across(x, a, b), across(y, a, b), across(z, a, b));
+}
+
+fn cosine_at(gradient: Gradient, u: f32, direction_mm: vec3<f32>) -> f32 {
+    let g = vec3<f32>(cubic_at(gradient.x, u), cubic_at(gradient.y, u), cubic_at(gradient.z, u));
+    return cosine_of(g, direction_mm);
+}
+
+// Boole's rule: the integral over five nodes a quarter apart, and those from the first node to each.
+fn boole(at_0: f32, at_1: f32, at_2: f32, at_3: f32, at_4: f32) -> f32 {
+    return (7.0 * (at_0 + at_4) + 32.0 * (at_1 + at_3) + 12.0 * at_2) / 90.0;
+}
+
+fn emission_absorption_exact(ray: Ray) -> Pixel {
+    var color = vec3<f32>(0.0);
+    var optical_depth = 0.0;
+    var half_mm = 0.0;
+    let deepest = -log(max(frame.least_transmittance, 1.0e-12));
+    var walk = walk_of(ray);
+    while (is_walking(walk, ray) && optical_depth < deepest) {
+        let passage = passed(&walk, ray);
+        if (SKIP) {
+            let reach = textureLoad(distance_to_seen, block_of(passage.cell), 0).r * frame.skip_empty;
+            if (reach > 0u) {
+                leap(&walk, ray, passage, reach);
+                continue;
+            }
+        }
+        if (!(passage.length_mm > 0.0)) {
+            continue;
+        }
+        let corners = corner_values(passage.cell);
+        // Values between lie between those of the corners.
+        let top = stretches[stretch_of(highest(corners))];
+        if (top.seen_before + u32(is_seen(top)) == stretches[stretch_of(lowest(corners))].seen_before) {
+            continue;
+        }
+        let value = across(corners, passage.begin, passage.end);
+        let turns = turns_of(value);
+        var gradient: Gradient;
+        if (LIT) {
+            gradient = gradient_across(passage.cell, passage.begin, passage.end);
+        }
+        // From the begin to the end of the cell, cut where the value turns and where it passes a knot.
+        var u = 0.0;
+        var number = stretch_of(value.x);
+        while (u < 1.0 && optical_depth < deepest) {
+            let turn = select(select(1.0, turns.y, u < turns.y), turns.x, u < turns.x);
+            let goal = cubic_at(value, turn);
+            let rises = goal > cubic_at(value, u);
+            let here = stretches[number];
+            var end = turn;
+            if (rises && goal >= here.value_to) {
+                end = root_of(value, u, turn, here.value_to);
+                number += 1u;
+            } else if (!rises && goal < here.value_from) {
+                end = root_of(value, u, turn, here.value_from);
+                number -= 1u;
+            }
+            let stretch_begin = u;
+            u = end;
+            if (!is_seen(here)) {
+                continue;
+            }
+            // Pieces of the stretch, each halved until Boole's rule agrees with Simpson's.
+            var begin = stretch_begin;
+            var longest = select(1.0, LIT_PIECE, LIT);
+            while (begin < end && optical_depth < deepest) {
+                let part = min(longest, end - begin);
+                var x: array<f32, 5>;
+                var c: array<vec3<f32>, 5>;
+                for (var i = 0; i < 5; i += 1) {
+                    let place = begin + part * 0.25 * f32(i);
+                    let o = optical_in(here, cubic_at(value, place));
+                    x[i] = extinction_of(o.a) * part * passage.length_mm;
+                    c[i] = o.rgb;
+                    if (LIT) {
+                        c[i] = lit(o.rgb, cosine_at(gradient, place, ray.direction_mm));
+                    }
+                }
+                // The optical depth at each node is the integral of the quartic through the five.
+                let d_1 = max((251.0 * x[0] + 646.0 * x[1] - 264.0 * x[2] + 106.0 * x[3] - 19.0 * x[4]) / 2880.0, 0.0);
+                let d_2 = max((29.0 * x[0] + 124.0 * x[1] + 24.0 * x[2] + 4.0 * x[3] - x[4]) / 360.0, 0.0);
+                let d_3 = max((27.0 * x[0] + 102.0 * x[1] + 72.0 * x[2] + 42.0 * x[3] - 3.0 * x[4]) / 320.0, 0.0);
+                let d_4 = boole(x[0], x[1], x[2], x[3], x[4]);
+                let s_1 = x[1] * exp(-d_1);
+                let s_2 = x[2] * exp(-d_2);
+                let s_3 = x[3] * exp(-d_3);
+                let s_4 = x[4] * exp(-d_4);
+                // How much of each node's colour is seen. Their sum is known: 1 - exp(-d).
+                let opacity = opacity_of(d_4);
+                let fine = boole(x[0], s_1, s_2, s_3, s_4);
+                let coarse = (x[0] + 4.0 * s_2 + s_4) / 6.0;
+                var seen = vec3<f32>(0.0);
+                var seen_coarsely = vec3<f32>(0.0);
+                if (fine > 0.0) {
+                    seen = (7.0 * (x[0] * c[0] + s_4 * c[4]) + 32.0 * (s_1 * c[1] + s_3 * c[3]) + 12.0 * s_2 * c[2])
+                        * (opacity / (90.0 * fine));
+                }
+                if (coarse > 0.0) {
+                    seen_coarsely = (x[0] * c[0] + 4.0 * s_2 * c[2] + s_4 * c[4]) * (opacity / (6.0 * coarse));
+                }
+                let off_color = abs(seen - seen_coarsely);
+                let off_depth = abs(d_4 - (x[0] + 4.0 * x[2] + x[4]) / 6.0) * (1.0 - opacity);
+                let off = max(max(max(off_color.x, off_color.y), off_color.z), max(off_depth, abs(fine - opacity)));
+                let light = exp(-optical_depth);
+                if (off * light > PIECE_ERROR && part > LEAST_PIECE) {
+                    longest = 0.5 * part;
+                    continue;
+                }
+                color += light * seen;
+                let missing = LN_2 - optical_depth;
+                if (missing > 0.0 && missing <= d_4) {
+                    // Straight between the nodes.
+                    var before = 0.0;
+                    var after = d_1;
+                    var node = 0.0;
+                    if (missing > d_1) { before = d_1; after = d_2; node = 0.25; }
+                    if (missing > d_2) { before = d_2; after = d_3; node = 0.5; }
+                    if (missing > d_3) { before = d_3; after = d_4; node = 0.75; }
+                    let between = clamp((missing - before) / max(after - before, 1.0e-30), 0.0, 1.0);
+                    half_mm = passage.begin_mm + passage.length_mm * (begin + part * (node + 0.25 * between));
+                }
+                optical_depth += d_4;
+                begin = select(begin + part, end, part >= end - begin);
+                longest = 2.0 * part;
+            }
+        }
+    }
+    return Pixel(color, opacity_of(optical_depth), half_mm, optical_depth >= LN_2);
+}
+
+fn first_crossing_exact(ray: Ray) -> Pixel {
+    var out = Pixel(vec3<f32>(0.0), 0.0, 0.0, false);
+    var found: Passage;
+    var value = vec4<f32>(0.0);
+    var low = 0.0;
+    var high = 0.0;
+    var walk = walk_of(ray);
+    while (is_walking(walk, ray)) {
+        let passage = passed(&walk, ray);
+        if (SKIP) {
+            let reach = textureLoad(distance_to_seen, block_of(passage.cell), 0).r * frame.skip_empty;
+            if (reach > 0u) {
+                leap(&walk, ray, passage, reach);
+                continue;
+            }
+        }
+        let corners = corner_values(passage.cell);
+        if (!(passage.length_mm > 0.0) || highest(corners) < frame.threshold) {
+            continue;
+        }
+        value = across(corners, passage.begin, passage.end);
+        let turns = turns_of(value);
+        // Between its turns the value rises or falls: it first reaches the threshold in the first part that ends above.
+        low = 0.0;
+        high = 0.0;
+        var is_above = value.x >= frame.threshold;
+        if (!is_above) {
+            high = turns.x;
+            is_above = cubic_at(value, high) >= frame.threshold;
+        }
+        if (!is_above) {
+            low = high;
+            high = turns.y;
+            is_above = cubic_at(value, high) >= frame.threshold;
+        }
+        if (!is_above) {
+            low = high;
+            high = 1.0;
+            is_above = cubic_at(value, high) >= frame.threshold;
+        }
+        if (is_above) {
+            found = passage;
+            out.has_depth = true;
+            break;
+        }
+    }
+    if (!out.has_depth) {
+        return out;
+    }
+    var u = high;
+    if (high > low) {
+        u = root_of(value, low, high, frame.threshold);
+    }
+    out.depth_mm = found.begin_mm + found.length_mm * u;
+    let p = found.begin + (found.end - found.begin) * u;
+    let cosine = cosine_at(gradient_across(found.cell, p, p), 0.0, ray.direction_mm);
+    out.opacity = frame.surface_opacity;
+    out.color = lit(frame.surface_color, cosine) * out.opacity;
+    return out;
+}
+
+fn x_ray_exact(ray: Ray) -> Pixel {
+    // Two sums: a float32 sum of tens of thousands of terms alone would lose the digits of each.
+    var sum = 0.0;
+    var part = 0.0;
+    var way = 0.0;
+    var way_part = 0.0;
+    var walk = walk_of(ray);
+    while (is_walking(walk, ray)) {
+        let passage = passed(&walk, ray);
+        let c = across(corner_values(passage.cell), passage.begin, passage.end);
+        part += (c.x + c.y / 2.0 + c.z / 3.0 + c.w / 4.0) * passage.length_mm;
+        way_part += passage.length_mm;
+        if ((walk.cells_left & 63) == 0) {
+            sum += part;
+            way += way_part;
+            part = 0.0;
+            way_part = 0.0;
+        }
+    }
+    let mean = (sum + part) / (way + way_part);
+    let grey = clamp((mean - frame.window_low) * frame.window_per_value, 0.0, 1.0);
+    return Pixel(vec3<f32>(grey), grey, 0.5 * (ray.enter_mm + ray.leave_mm), true);
+}
+
+fn maximum_exact(ray: Ray) -> Pixel {
+    var best = -FAR;
+    var best_mm = ray.enter_mm;
+    var walk = walk_of(ray);
+    while (is_walking(walk, ray)) {
+        let passage = passed(&walk, ray);
+        if (SKIP) {
+            if (frame.skip_empty != 0u && textureLoad(cell_maximum, block_of(passage.cell), 0).r <= best) {
+                leap(&walk, ray, passage, 1u);
+                continue;
+            }
+        }
+        let corners = corner_values(passage.cell);
+        if (!(passage.length_mm > 0.0) || highest(corners) <= best) {
+            continue;
+        }
+        let value = across(corners, passage.begin, passage.end);
+        let turns = turns_of(value);
+        for (var i = 0; i < 4; i += 1) {
+            let u = select(select(select(0.0, turns.x, i == 1), turns.y, i == 2), 1.0, i == 3);
+            let height = cubic_at(value, u);
+            if (height > best) {
+                best = height;
+                best_mm = passage.begin_mm + passage.length_mm * u;
+            }
+        }
+    }
+    let o = optical_in(stretches[stretch_of(best)], best);
+    return Pixel(o.rgb * o.a, o.a, best_mm, true);
+}
+
+@compute @workgroup_size(64)
+fn exact(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) index: u32) {
+    let pixel = group.xy * 8u + pixel_in_group(index);
+    let eye = group.z;
+    if (pixel.x >= frame.render_size.x || pixel.y >= frame.render_size.y) {
+        return;
+    }
+    let ray = ray_of(eye, pixel);
+    var out = Pixel(vec3<f32>(0.0), 0.0, 0.0, false);
+    if (ray.leave_mm > ray.enter_mm) {
+        if (MODE == EMISSION_ABSORPTION) {
+            out = emission_absorption_exact(ray);
+        } else if (MODE == THRESHOLD) {
+            out = first_crossing_exact(ray);
+        } else if (MODE == X_RAY) {
+            out = x_ray_exact(ray);
+        } else if (MODE == MAXIMUM) {
+            out = maximum_exact(ray);
+        } else {
+            out = surface_over(first_crossing_exact(ray), x_ray_exact(ray));
+        }
+    }
+    store(out, ray, pixel, eye);
+}
