@@ -1,4 +1,4 @@
-//! Reading bits and exponential-Golomb codes (ITU-T H.264, section 9.1).
+//! Reading and writing bits and exponential-Golomb codes (ITU-T H.264, section 9.1).
 
 /// The NAL unit ended within a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,6 +13,11 @@ pub(crate) struct BitReader<'a> {
 impl<'a> BitReader<'a> {
     pub(crate) fn new(bytes: &'a [u8]) -> Self {
         Self { bytes, position_bits: 0 }
+    }
+
+    /// Bits read so far.
+    pub(crate) fn position_bits(&self) -> usize {
+        self.position_bits
     }
 
     pub(crate) fn bit(&mut self) -> Result<bool, Truncated> {
@@ -52,6 +57,36 @@ impl<'a> BitReader<'a> {
     }
 }
 
+/// Writes bits, the most significant first.
+#[derive(Default)]
+pub(crate) struct BitWriter {
+    bits: Vec<bool>,
+}
+
+impl BitWriter {
+    pub(crate) fn bit(&mut self, bit: bool) {
+        self.bits.push(bit);
+    }
+
+    /// The lower `count` bits of a number.
+    pub(crate) fn bits(&mut self, count: u32, value: u64) {
+        self.bits.extend((0..count).rev().map(|i| value >> i & 1 == 1));
+    }
+
+    /// An unsigned code, ue(v).
+    pub(crate) fn unsigned(&mut self, value: u32) {
+        let code = u64::from(value) + 1;
+        let length = 64 - code.leading_zeros();
+        self.bits(2 * length - 1, code);
+    }
+
+    /// The bytes, the last one filled with zeros.
+    pub(crate) fn into_bytes(self) -> Vec<u8> {
+        let byte = |bits: &[bool]| (0..8).fold(0, |byte, i| byte << 1 | u8::from(bits.get(i) == Some(&true)));
+        self.bits.chunks(8).map(byte).collect()
+    }
+}
+
 /// A NAL unit's payload without its emulation prevention bytes (section 7.4.1.1).
 pub(crate) fn unescaped(payload: &[u8]) -> Vec<u8> {
     let mut raw = Vec::with_capacity(payload.len());
@@ -65,6 +100,21 @@ pub(crate) fn unescaped(payload: &[u8]) -> Vec<u8> {
         raw.push(byte);
     }
     raw
+}
+
+/// A payload with emulation prevention bytes, so that no start code can be found in it (section 7.4.1.1).
+pub(crate) fn escaped(raw: &[u8]) -> Vec<u8> {
+    let mut payload = Vec::with_capacity(raw.len());
+    let mut zeros = 0;
+    for &byte in raw {
+        if zeros >= 2 && byte <= 3 {
+            payload.push(3);
+            zeros = 0;
+        }
+        zeros = if byte == 0 { zeros + 1 } else { 0 };
+        payload.push(byte);
+    }
+    payload
 }
 
 #[cfg(test)]
@@ -106,6 +156,25 @@ mod tests {
                 codes += 1;
             }
             prop_assert!(codes <= bytes.len() * 8);
+        }
+
+        #[test]
+        fn what_is_written_reads_back(codes in prop::collection::vec(0..u32::MAX, 0..20)) {
+            let mut writer = BitWriter::default();
+            codes.iter().for_each(|&code| writer.unsigned(code));
+            let bytes = writer.into_bytes();
+            let mut reader = BitReader::new(&bytes);
+            for code in codes {
+                prop_assert_eq!(reader.unsigned(), Ok(code));
+            }
+            prop_assert!(bytes.len() * 8 - reader.position_bits() < 8);
+        }
+
+        #[test]
+        fn an_escaped_payload_holds_no_start_code_and_reads_back(raw in prop::collection::vec(0u8..5, 0..64)) {
+            let payload = escaped(&raw);
+            prop_assert!(!payload.windows(3).any(|bytes| bytes[..2] == [0, 0] && bytes[2] <= 2));
+            prop_assert_eq!(unescaped(&payload), raw);
         }
     }
 }

@@ -1,7 +1,6 @@
 //! BT.709 limited range to and from full-range RGB (ITU-R BT.709-6, items 3.2 to 3.5), in 16-bit fixed point.
 //!
-//! The conversion is between the coded values: sRGB's curve goes through as it is, as every player and headset
-//! compositor treats it. A chroma sample stands for its two by two pixels: the mean on the way in, a copy on the way
+//! The conversion is between the coded values: sRGB's curve goes through as it is, and the stream says that it is sRGB's. A chroma sample stands for its two by two pixels: the mean on the way in, a copy on the way
 //! out, so that a colour that fills such a block comes back within the bounds that the test states.
 
 use crate::{PlaneLayout, YuvFrame};
@@ -156,6 +155,37 @@ mod tests {
             }
         }
         assert_eq!(worst, [1, 1, 2]);
+    }
+
+    /// Half a step of each of the three codes through the inverse matrix, as above, and half a step of the 8 bits of RGB;
+    /// the rest is for the fixed point.
+    const QUANTISED: [f64; 3] = [1.48 + 0.5 + 0.02, 0.96 + 0.5 + 0.02, 1.64 + 0.5 + 0.02];
+
+    proptest! {
+        #[test]
+        fn a_shared_chroma_sample_costs_its_distance_from_the_pixels_own(values in prop::array::uniform12(0u8..)) {
+            let differences = |rgb: &[f64]| {
+                let luma = RED * rgb[0] + GREEN * rgb[1] + BLUE * rgb[2];
+                [(rgb[2] - luma) / (2.0 * (1.0 - BLUE)), (rgb[0] - luma) / (2.0 * (1.0 - RED))]
+            };
+            let pixels: Vec<Vec<f64>> =
+                values.chunks_exact(3).map(|rgb| rgb.iter().map(|&c| f64::from(c)).collect()).collect();
+            let mean: Vec<f64> = (0..3).map(|c| pixels.iter().map(|p| p[c]).sum::<f64>() / 4.0).collect();
+            let shared = differences(&mean);
+            let back = YuvPicture::from_rgb8(2, 2, &values).unwrap().to_rgb8();
+            for (pixel, back) in pixels.iter().zip(back.chunks_exact(3)) {
+                let own = differences(pixel);
+                let [u, v] = [0, 1].map(|i| (shared[i] - own[i]).abs());
+                // The inverse matrix, in RGB steps for a step of chroma difference.
+                let [red, blue] = [2.0 * (1.0 - RED) * v, 2.0 * (1.0 - BLUE) * u];
+                let green = red * RED / GREEN + blue * BLUE / GREEN;
+                for (c, subsampled) in [red, green, blue].into_iter().enumerate() {
+                    let off = (f64::from(back[c]) - pixel[c]).abs();
+                    let bound = subsampled + QUANTISED[c];
+                    prop_assert!(off <= bound, "channel {c} of {pixel:?} is off by {off}, bound {bound:.2}");
+                }
+            }
+        }
     }
 
     #[test]

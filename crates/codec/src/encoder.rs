@@ -1,10 +1,12 @@
 //! Pictures in, access units out.
 
-use crate::{AccessUnit, ParameterSets, YuvFrame};
+use crate::nal::{NalKind, kind, nal_ranges};
+use crate::sps::{ChromaSiting, with_chroma_siting};
+use crate::{AccessUnit, ParameterSetError, ParameterSets, YuvFrame};
 use openh264::OpenH264API;
 use openh264::encoder::{
     BitRate, EncoderConfig, FrameRate, FrameType, IntraFramePeriod, Profile, QpRange, RateControlMode,
-    SpsPpsStrategy, UsageType, VuiConfig,
+    SpsPpsStrategy, TransferCharacteristics, UsageType, VuiConfig,
 };
 use openh264::formats::YUVSource;
 use openh264_sys2::{
@@ -112,6 +114,9 @@ pub enum EncodeError {
     /// openh264 gave no frame, although it was told never to skip one.
     #[error("openh264 skipped a frame")]
     Skipped,
+    /// openh264 made a key frame whose parameter sets are missing or cannot be read.
+    #[error("openh264 made a key frame that does not describe itself: {0}")]
+    Undescribed(#[from] ParameterSetError),
 }
 
 /// Encodes pictures of one size. Single-threaded: encoders run side by side, not in parts.
@@ -179,8 +184,9 @@ impl Encoder {
             return Err(EncodeError::Skipped);
         }
         let key_frame = frame_type == FrameType::IDR;
+        let bytes = if key_frame { sited(&bytes)? } else { bytes };
         if key_frame {
-            self.codec_string = ParameterSets::find(&bytes).ok().map(|sets| sets.sps.codec_string());
+            self.codec_string = Some(ParameterSets::find(&bytes)?.sps.codec_string());
         }
         Ok(AccessUnit { bytes, key_frame })
     }
@@ -288,7 +294,8 @@ fn make(settings: &EncoderSettings) -> Result<openh264::encoder::Encoder, Settin
         .max_frame_rate(FrameRate::from_hz(settings.frames_per_second))
         .profile(Profile::Baseline)
         .sps_pps_strategy(SpsPpsStrategy::ConstantId)
-        .vui(VuiConfig::bt709())
+        // The primaries and the matrix are BT.709's; the curve is sRGB's, as it is in every other picture of the scene.
+        .vui(VuiConfig::bt709().transfer_characteristics(TransferCharacteristics::Srgb))
         .num_threads(1)
         .complexity(match settings.complexity {
             Complexity::Low => openh264::encoder::Complexity::Low,
@@ -302,6 +309,18 @@ fn make(settings: &EncoderSettings) -> Result<openh264::encoder::Encoder, Settin
         0 => Ok(library),
         code => Err(SettingsError::Library { code: i64::from(code) }),
     }
+}
+
+/// The key frame with a sequence parameter set that says where chroma lies. openh264 cannot, and a stream that does not
+/// say means another place: [`ChromaSiting::LEFT`].
+fn sited(access_unit: &[u8]) -> Result<Vec<u8>, ParameterSetError> {
+    let is_sps =
+        |range: &std::ops::Range<usize>| kind(access_unit[range.start]) == NalKind::SequenceParameterSet;
+    let range = nal_ranges(access_unit)
+        .find(is_sps)
+        .ok_or(ParameterSetError::Missing { bytes: access_unit.len() })?;
+    let sps = with_chroma_siting(&access_unit[range.clone()], ChromaSiting::CENTRE)?;
+    Ok([&access_unit[..range.start], &sps, &access_unit[range.end..]].concat())
 }
 
 fn check_size(width_px: u32, height_px: u32) -> Result<(), SettingsError> {

@@ -1,5 +1,7 @@
 //! NAL units of an access unit in Annex B form.
 
+use std::ops::Range;
+
 /// What a NAL unit carries, as far as this project uses it (ITU-T H.264, table 7-1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NalKind {
@@ -31,16 +33,23 @@ pub struct NalUnit<'a> {
 /// The NAL units of an access unit in Annex B form, in order. Bytes before the first start code are passed over, and
 /// so are empty units and the zeros that may trail one: what has no start code has no units.
 pub fn nal_units(access_unit: &[u8]) -> impl Iterator<Item = NalUnit<'_>> {
-    let mut rest = after_start_code(access_unit);
+    nal_ranges(access_unit).map(|range| {
+        let bytes = &access_unit[range];
+        NalUnit { kind: kind(bytes[0]), bytes }
+    })
+}
+
+/// Where the units of [`nal_units`] lie in the access unit; none is empty.
+pub(crate) fn nal_ranges(access_unit: &[u8]) -> impl Iterator<Item = Range<usize>> {
+    let mut next = after_start_code(access_unit, 0);
     std::iter::from_fn(move || {
         loop {
-            let unit = rest?;
-            let end = start_code(unit).unwrap_or(unit.len());
-            rest = after_start_code(&unit[end..]);
+            let begin = next?;
+            let end = start_code(&access_unit[begin..]).map_or(access_unit.len(), |length| begin + length);
+            next = after_start_code(access_unit, end);
             // A unit ends in a stop bit, so zeros at its end belong to the next start code or are padding.
-            let length = unit[..end].iter().rposition(|&byte| byte != 0).map_or(0, |last| last + 1);
-            if let [header, ..] = unit[..length] {
-                return Some(NalUnit { kind: kind(header), bytes: &unit[..length] });
+            if let Some(last) = access_unit[begin..end].iter().rposition(|&byte| byte != 0) {
+                return Some(begin..begin + last + 1);
             }
         }
     })
@@ -50,11 +59,12 @@ fn start_code(bytes: &[u8]) -> Option<usize> {
     bytes.windows(3).position(|window| window == [0, 0, 1])
 }
 
-fn after_start_code(bytes: &[u8]) -> Option<&[u8]> {
-    start_code(bytes).map(|at| &bytes[at + 3..])
+/// Where the first start code at or after `from` ends.
+fn after_start_code(bytes: &[u8], from: usize) -> Option<usize> {
+    start_code(&bytes[from..]).map(|at| from + at + 3)
 }
 
-fn kind(header: u8) -> NalKind {
+pub(crate) fn kind(header: u8) -> NalKind {
     match header & 0x1f {
         1 => NalKind::Slice,
         5 => NalKind::KeySlice,

@@ -1,10 +1,13 @@
 //! The sequence parameter set: what a stream says about itself before its first picture.
 //!
 //! It is read here, and not by the decoder library alone, because a size must be refused before memory is taken for
-//! it. Read are the fields of ITU-T H.264 section 7.3.2.1.1 up to the colour description of annex E; a stream that
+//! it. Read are the fields of ITU-T H.264 section 7.3.2.1.1 up to the chroma locations of annex E; a stream that
 //! uses what this project never sends (interlace, more than 8 bits, other than 4:2:0, scaling lists) is refused by name.
+//!
+//! It is also written anew, by [`with_chroma_siting`]: openh264 says nothing of where its chroma samples lie.
 
-use crate::bits::{BitReader, Truncated, unescaped};
+use crate::bits::{BitReader, BitWriter, Truncated, escaped, unescaped};
+use std::ops::Range;
 
 /// Largest picture that is decoded, in macroblocks of 16 by 16 pixels: the limit of level 5.2 (table A-1), 4096x2304.
 const MOST_MACROBLOCKS: u64 = 36_864;
@@ -26,6 +29,23 @@ pub struct ColourDescription {
     pub matrix: u8,
 }
 
+/// Where chroma samples lie against luma samples (figure E-1): `chroma_sample_loc_type` 0 to 5.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ChromaSiting(u8);
+
+impl ChromaSiting {
+    /// Beside the left column of the two, between their rows: what a stream means that does not say.
+    pub const LEFT: Self = Self(0);
+    /// In the middle of the two by two pixels that share the sample. What this project sends.
+    pub const CENTRE: Self = Self(1);
+
+    /// The standard's number, 0 to 5.
+    #[must_use]
+    pub const fn code(self) -> u8 {
+        self.0
+    }
+}
+
 /// A sequence parameter set, read and checked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sps {
@@ -43,6 +63,8 @@ pub struct Sps {
     pub reference_frames: u32,
     /// How colours are coded, where the stream says so.
     pub colour: Option<ColourDescription>,
+    /// Where chroma samples lie, where the stream says so; else it means [`ChromaSiting::LEFT`].
+    pub chroma_siting: Option<ChromaSiting>,
 }
 
 /// Why a sequence parameter set is refused.
@@ -104,17 +126,8 @@ impl Sps {
     /// If it is no sequence parameter set, is cut off, or describes a stream that this crate does not decode. Sizes
     /// are refused beyond level 5.2: 36 864 macroblocks, which is 4096 by 2304 pixels.
     pub fn parse(nal: &[u8]) -> Result<Self, SpsError> {
-        let Some((&header, payload)) = nal.split_first() else {
-            return Err(SpsError::Truncated { bytes: 0 });
-        };
-        if header & 0x9f != 7 {
-            return Err(SpsError::NotOne { header });
-        }
-        let raw = unescaped(payload);
-        read(&mut BitReader::new(&raw)).map_err(|fault| match fault {
-            Fault::Truncated => SpsError::Truncated { bytes: nal.len() },
-            Fault::Refused(error) => error,
-        })
+        let (_, raw) = opened(nal)?;
+        read(&mut BitReader::new(&raw)).map(|(sps, _)| sps).map_err(|fault| fault.of(nal))
     }
 
     /// The stream's name in MIME types and player APIs, such as `avc1.42C020` (RFC 6381, section 3.3).
@@ -124,9 +137,60 @@ impl Sps {
     }
 }
 
+/// The same sequence parameter set, as a NAL unit, that says where chroma samples lie.
+///
+/// # Errors
+/// As [`Sps::parse`], or if it has no usability information to say it in.
+pub(crate) fn with_chroma_siting(nal: &[u8], siting: ChromaSiting) -> Result<Vec<u8>, SpsError> {
+    let (header, raw) = opened(nal)?;
+    let mut reader = BitReader::new(&raw);
+    let (_, said) = read(&mut reader).map_err(|fault| fault.of(nal))?;
+    let said = said.ok_or(SpsError::Field {
+        field: "vui_parameters_present_flag",
+        value: 0,
+        expected: "1: usability information, in which the siting of chroma is said",
+    })?;
+    let mut writer = BitWriter::default();
+    let copy = |writer: &mut BitWriter, range: Range<usize>| {
+        range.for_each(|at| writer.bit(raw[at / 8] >> (7 - at % 8) & 1 == 1));
+    };
+    copy(&mut writer, 0..said.start);
+    writer.bit(true);
+    // Of the top field and of the bottom field, which a progressive picture has too.
+    writer.unsigned(siting.code().into());
+    writer.unsigned(siting.code().into());
+    // The rest with its stop bit, which is the last that is set: a NAL unit does not end in a zero byte.
+    let end = raw
+        .iter()
+        .rposition(|&byte| byte != 0)
+        .map_or(0, |last| 8 * (last + 1) - raw[last].trailing_zeros() as usize);
+    copy(&mut writer, said.end..end);
+    Ok([&[header][..], &escaped(&writer.into_bytes())].concat())
+}
+
+/// Header and raw payload of a NAL unit that is a sequence parameter set.
+fn opened(nal: &[u8]) -> Result<(u8, Vec<u8>), SpsError> {
+    let Some((&header, payload)) = nal.split_first() else {
+        return Err(SpsError::Truncated { bytes: 0 });
+    };
+    if header & 0x9f != 7 {
+        return Err(SpsError::NotOne { header });
+    }
+    Ok((header, unescaped(payload)))
+}
+
 enum Fault {
     Truncated,
     Refused(SpsError),
+}
+
+impl Fault {
+    fn of(self, nal: &[u8]) -> SpsError {
+        match self {
+            Self::Truncated => SpsError::Truncated { bytes: nal.len() },
+            Self::Refused(error) => error,
+        }
+    }
 }
 
 impl From<Truncated> for Fault {
@@ -139,7 +203,9 @@ fn expect(field: &'static str, value: u32, allowed: bool, expected: &'static str
     if allowed { Ok(value) } else { Err(Fault::Refused(SpsError::Field { field, value, expected })) }
 }
 
-fn read(reader: &mut BitReader<'_>) -> Result<Sps, Fault> {
+/// The set, and the bits in which it says where chroma lies: one that is 0, or 1 and two codes. `None` where it has no
+/// usability information.
+fn read(reader: &mut BitReader<'_>) -> Result<(Sps, Option<Range<usize>>), Fault> {
     let profile_idc = reader.bits(8)? as u8;
     let constraints = reader.bits(8)? as u8;
     let level_idc = reader.bits(8)? as u8;
@@ -157,8 +223,24 @@ fn read(reader: &mut BitReader<'_>) -> Result<Sps, Fault> {
     expect("max_num_ref_frames", reference_frames, reference_frames <= MOST_REFERENCES, "at most 16")?;
     let _gaps_in_frame_num_value_allowed = reader.bit()?;
     let (width_px, height_px) = read_size(reader)?;
-    let colour = if reader.bit()? { read_colour(reader)? } else { None };
-    Ok(Sps { profile_idc, constraints, level_idc, width_px, height_px, reference_frames, colour })
+    let (mut colour, mut chroma_siting, mut said) = (None, None, None);
+    if reader.bit()? {
+        colour = read_colour(reader)?;
+        let begin = reader.position_bits();
+        chroma_siting = read_siting(reader)?;
+        said = Some(begin..reader.position_bits());
+    }
+    let sps = Sps {
+        profile_idc,
+        constraints,
+        level_idc,
+        width_px,
+        height_px,
+        reference_frames,
+        colour,
+        chroma_siting,
+    };
+    Ok((sps, said))
 }
 
 fn read_high_profile(reader: &mut BitReader<'_>) -> Result<(), Fault> {
@@ -220,7 +302,7 @@ fn read_size(reader: &mut BitReader<'_>) -> Result<(u32, u32), Fault> {
     Ok((width_px - (left + right) as u32, height_px - (top + bottom) as u32))
 }
 
-/// The colour description of the usability information, which is as far as it is read.
+/// The beginning of the usability information, up to the colour description.
 fn read_colour(reader: &mut BitReader<'_>) -> Result<Option<ColourDescription>, Fault> {
     const EXTENDED_ASPECT_RATIO: u32 = 255;
     if reader.bit()? && reader.bits(8)? == EXTENDED_ASPECT_RATIO {
@@ -241,54 +323,46 @@ fn read_colour(reader: &mut BitReader<'_>) -> Result<Option<ColourDescription>, 
     Ok(Some(ColourDescription { full_range, primaries: code()?, transfer: code()?, matrix: code()? }))
 }
 
+/// What follows the colour description, which is as far as it is read. Of a progressive picture the two fields lie alike.
+fn read_siting(reader: &mut BitReader<'_>) -> Result<Option<ChromaSiting>, Fault> {
+    if !reader.bit()? {
+        return Ok(None);
+    }
+    let [top, _bottom] = [reader.unsigned()?, reader.unsigned()?];
+    expect("chroma_sample_loc_type_top_field", top, top <= 5, "at most 5")?;
+    Ok(Some(ChromaSiting(top as u8)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Writes what [`BitReader`] reads.
+    /// A sequence parameter set, field by field.
     #[derive(Default)]
-    struct BitWriter {
-        bits: Vec<bool>,
-    }
+    struct Written(BitWriter);
 
-    impl BitWriter {
+    impl Written {
         fn bits(mut self, count: u32, value: u32) -> Self {
-            self.bits.extend((0..count).rev().map(|i| value >> i & 1 == 1));
+            self.0.bits(count, value.into());
             self
         }
 
-        fn unsigned(self, value: u32) -> Self {
-            let code = u64::from(value) + 1;
-            let length = 64 - code.leading_zeros();
-            let mut written = self.bits(length - 1, 0);
-            written.bits.extend((0..length).rev().map(|i| code >> i & 1 == 1));
-            written
+        fn unsigned(mut self, value: u32) -> Self {
+            self.0.unsigned(value);
+            self
         }
 
         /// A NAL unit with header, stop bit and emulation prevention.
-        fn nal(self) -> Vec<u8> {
-            let mut bits = self.bits;
-            bits.push(true);
-            bits.resize(bits.len().next_multiple_of(8), false);
-            let mut nal = vec![0x67];
-            let mut zeros = 0;
-            for byte in bits.chunks(8).map(|bits| bits.iter().fold(0, |byte, &bit| byte << 1 | u8::from(bit)))
-            {
-                if zeros >= 2 && byte <= 3 {
-                    nal.push(3);
-                    zeros = 0;
-                }
-                zeros = if byte == 0 { zeros + 1 } else { 0 };
-                nal.push(byte);
-            }
-            nal
+        fn nal(mut self) -> Vec<u8> {
+            self.0.bit(true);
+            [&[0x67][..], &escaped(&self.0.into_bytes())].concat()
         }
     }
 
     /// Baseline, level 3.2, order count type 2, one reference frame, then the given size in macroblocks.
-    fn up_to_size(wide: u32, high: u32) -> BitWriter {
-        BitWriter::default()
+    fn up_to_size(wide: u32, high: u32) -> Written {
+        Written::default()
             .bits(24, 0x42_c0_20)
             .unsigned(0)
             .unsigned(11)
@@ -334,10 +408,10 @@ mod tests {
     #[test]
     fn refuses_what_is_never_sent() {
         assert!(matches!(
-            Sps::parse(&BitWriter::default().bits(24, 0xf4_00_20).unsigned(0).nal()),
+            Sps::parse(&Written::default().bits(24, 0xf4_00_20).unsigned(0).nal()),
             Err(SpsError::Profile { profile_idc: 244 })
         ));
-        let ten_bit = BitWriter::default().bits(24, 0x64_00_20).unsigned(0).unsigned(1).unsigned(2).nal();
+        let ten_bit = Written::default().bits(24, 0x64_00_20).unsigned(0).unsigned(1).unsigned(2).nal();
         let error = Sps::parse(&ten_bit).unwrap_err();
         assert_eq!(
             error.to_string(),
@@ -356,6 +430,36 @@ mod tests {
         }
     }
 
+    /// BT.709 in limited range, then what is said of chroma, then `rest` bits of ones.
+    fn with_usability(siting: impl FnOnce(Written) -> Written, rest: u32) -> Vec<u8> {
+        let colour = up_to_size(40, 12).bits(1, 0).bits(1, 1).bits(2, 0).bits(1, 1).bits(5, 0b1_0101);
+        siting(colour.bits(24, 0x01_01_01)).bits(rest, u32::MAX).nal()
+    }
+
+    #[test]
+    fn the_siting_of_chroma_is_written_and_nothing_else_changes() {
+        for rest in 0..32 {
+            let said = |code| with_usability(|s: Written| s.bits(1, 1).unsigned(code).unsigned(code), rest);
+            let unsaid = with_usability(|s| s.bits(1, 0), rest);
+            assert_eq!(Sps::parse(&unsaid).unwrap().chroma_siting, None);
+            assert_eq!(with_chroma_siting(&unsaid, ChromaSiting::CENTRE).unwrap(), said(1), "{rest}");
+            assert_eq!(with_chroma_siting(&unsaid, ChromaSiting::LEFT).unwrap(), said(0), "{rest}");
+            // What is said already is said anew, not twice.
+            assert_eq!(with_chroma_siting(&said(5), ChromaSiting::CENTRE).unwrap(), said(1), "{rest}");
+            assert_eq!(Sps::parse(&said(1)).unwrap().chroma_siting, Some(ChromaSiting::CENTRE));
+        }
+    }
+
+    #[test]
+    fn where_nothing_can_be_said_of_chroma_it_is_refused() {
+        let without = up_to_size(40, 12).bits(2, 0).nal();
+        let error = with_chroma_siting(&without, ChromaSiting::CENTRE).unwrap_err();
+        assert!(error.to_string().contains("vui_parameters_present_flag = 0"), "{error}");
+        let absurd = with_usability(|s| s.bits(1, 1).unsigned(6).unsigned(6), 3);
+        assert!(matches!(Sps::parse(&absurd), Err(SpsError::Field { value: 6, .. })));
+        assert!(with_chroma_siting(&[0x68, 1], ChromaSiting::CENTRE).is_err());
+    }
+
     proptest! {
         #[test]
         fn any_bytes_are_read_or_refused(bytes in prop::collection::vec(0u8.., 0..80)) {
@@ -363,6 +467,10 @@ mod tests {
             nal.extend(bytes);
             if let Ok(sps) = Sps::parse(&nal) {
                 prop_assert!(sps.width_px > 0 && sps.height_px > 0 && sps.width_px <= 8688);
+            }
+            if let Ok(written) = with_chroma_siting(&nal, ChromaSiting::CENTRE) {
+                let expected = Sps { chroma_siting: Some(ChromaSiting::CENTRE), ..Sps::parse(&nal).unwrap() };
+                prop_assert_eq!(Sps::parse(&written), Ok(expected));
             }
         }
     }

@@ -3,7 +3,8 @@
 mod common;
 
 use codec::{
-    ColourDescription, DecodeError, Decoder, EncodeError, ParameterSets, PlaneLayout, YuvFrame, YuvPicture,
+    ChromaSiting, ColourDescription, DecodeError, Decoder, EncodeError, ParameterSets, PlaneLayout, YuvFrame,
+    YuvPicture,
 };
 use common::{encoder, moving_picture, moving_yuv, psnr_db};
 
@@ -82,12 +83,27 @@ fn the_stream_says_how_its_colours_are_coded() {
     assert_eq!(encoder.codec_string(), None);
     let access_unit = encoder.encode(picture.as_frame(), false).unwrap();
     let sets = ParameterSets::find(&access_unit.bytes).unwrap();
-    let bt709 = ColourDescription { full_range: false, primaries: 1, transfer: 1, matrix: 1 };
-    assert_eq!(sets.sps.colour, Some(bt709));
+    let srgb_by_bt709 = ColourDescription { full_range: false, primaries: 1, transfer: 13, matrix: 1 };
+    assert_eq!(sets.sps.colour, Some(srgb_by_bt709));
+    assert_eq!(sets.sps.chroma_siting, Some(ChromaSiting::CENTRE));
     assert_eq!((sets.sps.width_px, sets.sps.height_px), (640, 180));
     assert_eq!(sets.sps.profile_idc, 66);
     assert_eq!(encoder.codec_string(), Some(sets.sps.codec_string().as_str()));
     assert!(encoder.codec_string().unwrap().starts_with("avc1.42C0"));
+}
+
+/// The bytes of a sequence parameter set that ffprobe 5.1 was given to read, and what it found in them: so the parser
+/// and the writer of this crate do not only agree with each other.
+#[test]
+fn the_sequence_parameter_set_is_the_one_that_another_reader_has_read() {
+    let access_unit = encoder(640, 180, 3_000_000).encode(moving_yuv(640, 180, 0).as_frame(), false).unwrap();
+    let found: Vec<_> = ParameterSets::find(&access_unit.bytes)
+        .unwrap()
+        .sps_bytes
+        .iter()
+        .map(|b| format!("{b:02x}"))
+        .collect();
+    assert_eq!(found.join(" "), "67 42 c0 1e 8c 68 0a 06 7e 79 a8 08 68 0d 20 f0 88 46 a0");
 }
 
 #[test]
@@ -169,6 +185,38 @@ fn the_bit_rate_follows_while_running_without_a_key_frame() {
         println!("asked {bitrate_bps}, got {held:.0} bit/s");
         let ratio = held / f64::from(bitrate_bps);
         assert!((0.7..1.2).contains(&ratio), "asked {bitrate_bps} bit/s, got {held:.0}");
+    }
+}
+
+/// Where there is an ffprobe, it is asked too.
+#[test]
+fn ffprobe_reads_what_this_crate_says_of_the_colours() {
+    let access_unit = encoder(640, 180, 3_000_000).encode(moving_yuv(640, 180, 0).as_frame(), false).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("key.h264");
+    std::fs::write(&path, &access_unit.bytes).unwrap();
+    let fields =
+        "width,height,pix_fmt,color_range,color_space,color_transfer,color_primaries,chroma_location";
+    let asked = std::process::Command::new("ffprobe")
+        .args(["-v", "error", "-of", "default=nw=1", "-show_entries"])
+        .arg(format!("stream={fields}"))
+        .arg(&path)
+        .output();
+    let Ok(answer) = asked else {
+        println!("no ffprobe here: its word is in the bytes of the test above alone");
+        return;
+    };
+    let text = String::from_utf8_lossy(&answer.stdout).into_owned();
+    for expected in [
+        "width=640",
+        "height=180",
+        "color_range=tv",
+        "color_space=bt709",
+        "color_transfer=iec61966-2-1",
+        "color_primaries=bt709",
+        "chroma_location=center",
+    ] {
+        assert!(text.lines().any(|line| line == expected), "expected {expected} in:\n{text}");
     }
 }
 
