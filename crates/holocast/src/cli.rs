@@ -29,6 +29,8 @@ pub(crate) enum Command {
     Load(Load),
     /// Draw a still picture of a scene, without a network
     Render(Render),
+    /// Say how far one picture is from another: PNG or float data
+    Compare(Compare),
     /// Say what a volume is: dimensions, spacing, orientation, type, range, histogram
     Info(Info),
     /// Name the graphics adapters of this machine
@@ -192,9 +194,15 @@ pub(crate) struct Render {
     /// What the picture may cost: draft, balanced, fine, exact
     #[arg(long, default_value = "fine", value_name = "LEVEL")]
     pub(crate) quality: String,
-    /// The picture to write (PNG)
+    /// The exact picture in float64, as docs/picture.md defines it: on all cores, without a GPU, slowly
+    #[arg(long, conflicts_with_all = ["quality", "frames", "step_mm", "no_skip", "adapter"])]
+    pub(crate) reference: bool,
+    /// The picture to write: a PNG before the scene's background, or float data (.npy, see docs/picture-format.md)
     #[arg(long, value_name = "FILE")]
     pub(crate) out: PathBuf,
+    /// Write float data here too
+    #[arg(long, value_name = "FILE")]
+    pub(crate) data: Option<PathBuf>,
     /// Both eyes, side by side
     #[arg(long)]
     pub(crate) stereo: bool,
@@ -216,6 +224,30 @@ pub(crate) struct Render {
     /// Use the adapter whose name contains this
     #[arg(long, value_name = "NAME")]
     pub(crate) adapter: Option<String>,
+    /// Figures as JSON on standard output
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Say how far one picture is from another.
+#[derive(Debug, Args)]
+pub(crate) struct Compare {
+    /// A picture: PNG or float data (.npy, see docs/picture-format.md)
+    pub(crate) a: PathBuf,
+    /// Another one of the same size
+    pub(crate) b: PathBuf,
+    /// Fail if a sample differs by more than this: a part of full brightness, such as 0.002 or 0.5/255
+    #[arg(long, value_name = "X")]
+    pub(crate) max_error: Option<Part>,
+    /// Paint the difference here (PNG)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) difference: Option<PathBuf>,
+    /// How much brighter than it is; by default so that the worst sample is white
+    #[arg(long, value_name = "N", value_parser = positive, requires = "difference")]
+    pub(crate) gain: Option<f64>,
+    /// What to put transparent pictures before if the other is an opaque PNG: R,G,B, 0 to 1
+    #[arg(long, default_value = "0,0,0", value_name = "R,G,B")]
+    pub(crate) background: Color,
     /// Figures as JSON on standard output
     #[arg(long)]
     pub(crate) json: bool,
@@ -246,6 +278,48 @@ impl std::str::FromStr for Size {
     }
 }
 
+/// A part of full brightness, written as a number from 0 to 1 or as a fraction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Part(pub(crate) f64);
+
+impl std::str::FromStr for Part {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let number = |s: &str| s.trim().parse::<f64>().ok();
+        let value = match text.split_once('/') {
+            Some((n, d)) => number(n).zip(number(d)).map(|(n, d)| n / d),
+            None => number(text),
+        };
+        value.filter(|v| (0.0..=1.0).contains(v)).map(Self).ok_or_else(|| {
+            format!("'{text}' is no part of full brightness; expected 0 to 1, such as 0.002 or 0.5/255")
+        })
+    }
+}
+
+/// A colour, RGB, each 0 to 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Color(pub(crate) [f64; 3]);
+
+impl std::str::FromStr for Color {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parts: Option<Vec<f64>> =
+            text.split(',').map(|s| s.trim().parse().ok().filter(|v| (0.0..=1.0).contains(v))).collect();
+        parts
+            .and_then(|parts| parts.try_into().ok())
+            .map(Self)
+            .ok_or_else(|| format!("'{text}' is no colour; expected R,G,B, each 0 to 1, such as 0,0,0"))
+    }
+}
+
+/// A number above 0.
+fn positive(text: &str) -> Result<f64, String> {
+    let number = text.parse::<f64>().ok().filter(|n| *n > 0.0 && n.is_finite());
+    number.ok_or_else(|| format!("'{text}' is no number above 0"))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -261,5 +335,22 @@ mod tests {
         assert_eq!("640x360".parse(), Ok(Size([640, 360])));
         assert!("640".parse::<Size>().is_err());
         assert!("0x5".parse::<Size>().is_err());
+    }
+
+    #[test]
+    fn parts_of_full_brightness_are_read() {
+        assert_eq!("0.25".parse(), Ok(Part(0.25)));
+        assert_eq!("51/255".parse(), Ok(Part(0.2)));
+        for wrong in ["", "1.5", "-1", "NaN", "1/0", "0/0", "1/2/3", "x"] {
+            assert!(wrong.parse::<Part>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn colours_are_read() {
+        assert_eq!("0, 0.5,1".parse(), Ok(Color([0.0, 0.5, 1.0])));
+        for wrong in ["", "1,1", "1,1,1,1", "0,0,2", "a,b,c"] {
+            assert!(wrong.parse::<Color>().is_err(), "{wrong}");
+        }
     }
 }

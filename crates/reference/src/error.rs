@@ -41,8 +41,8 @@ pub enum ReferenceError {
     /// The field of view is none.
     #[error(transparent)]
     Fov(#[from] spatial::FovError),
-    /// Two pictures that are to be compared differ in size.
-    #[error("pictures of {first:?} and {second:?} pixels cannot be compared")]
+    /// Two pictures that are to be compared, or to stand side by side, differ in size.
+    #[error("pictures of {}x{} and {}x{} pixels: expected two of one size", first.0, first.1, second.0, second.1)]
     Sizes {
         /// Width and height of the first.
         first: (u32, u32),

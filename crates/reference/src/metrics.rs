@@ -27,6 +27,8 @@ pub struct Comparison {
     pub psnr_db: f64,
     /// Root of the mean square difference of opacity.
     pub opacity_rmse: f64,
+    /// The largest difference of opacity.
+    pub opacity_max_abs_error: f64,
     /// Structural similarity, the mean over red, green and blue of Wang et al. 2004 with the published window and
     /// constants and a range of 1.
     pub ssim: f64,
@@ -60,8 +62,10 @@ pub fn compare(a: &Picture, b: &Picture) -> Result<Comparison, ReferenceError> {
     same_size(a, b)?;
     let mut max_abs_error = 0.0;
     let mut worst = None;
+    let mut opacity_max_abs_error = 0.0f64;
     let mut squares = [0.0; 4];
     for (at, (p, q)) in a.pixels().iter().zip(b.pixels()).enumerate() {
+        opacity_max_abs_error = opacity_max_abs_error.max(off(p.rgba[3], q.rgba[3]));
         for (channel, square) in squares.iter_mut().enumerate() {
             let error = off(p.rgba[channel], q.rgba[channel]);
             *square += error * error;
@@ -84,6 +88,7 @@ pub fn compare(a: &Picture, b: &Picture) -> Result<Comparison, ReferenceError> {
         rmse,
         psnr_db: if rmse > 0.0 { -20.0 * rmse.log10() } else { f64::INFINITY },
         opacity_rmse: (squares[3] / count).sqrt(),
+        opacity_max_abs_error,
         ssim: (0..3).map(ssim).sum::<f64>() / 3.0,
         depth: depth_errors(a, b),
     })
@@ -256,7 +261,7 @@ mod tests {
         pixels[1].0[3] = 0.125;
         let c = compare(&a, &picture(&pixels, 3)).unwrap();
         assert_eq!(c.worst, Some(Place { x: 1, y: 1, channel: 2 }));
-        assert_eq!(c.max_abs_error, 0.25);
+        assert_eq!((c.max_abs_error, c.opacity_max_abs_error), (0.25, 0.125));
     }
 
     #[test]

@@ -46,7 +46,8 @@ impl Picture {
     }
 
     /// A picture of float32 samples as a renderer leaves them: colour already multiplied by opacity, and distances in
-    /// millimetres, of which those that are not finite mean that there is none. An empty `depth_mm` gives no depth.
+    /// millimetres, of which those that are not finite, or not above 0, mean that there is none. An empty `depth_mm`
+    /// gives no depth.
     ///
     /// # Errors
     /// If there is no pixel, or a buffer does not hold as many.
@@ -60,7 +61,7 @@ impl Picture {
         if !depth_mm.is_empty() {
             check(width, height, 1, "depths", depth_mm.len())?;
         }
-        let depth = |i: usize| depth_mm.get(i).filter(|d| d.is_finite()).map(|&d| f64::from(d));
+        let depth = |i: usize| depth_mm.get(i).filter(|d| d.is_finite() && **d > 0.0).map(|&d| f64::from(d));
         let pixels = rgba
             .iter()
             .enumerate()
@@ -102,6 +103,21 @@ impl Picture {
             Pixel { rgba: [mixed(0), mixed(1), mixed(2), 1.0], ..*p }
         });
         Self { width: self.width, height: self.height, pixels: pixels.collect() }
+    }
+
+    /// This picture with another one at its right.
+    ///
+    /// # Errors
+    /// If they are not of one height.
+    pub fn beside(&self, right: &Self) -> Result<Self, ReferenceError> {
+        if self.height != right.height {
+            let (first, second) = ((self.width, self.height), (right.width, right.height));
+            return Err(ReferenceError::Sizes { first, second });
+        }
+        let rows = self.pixels.chunks_exact(self.width as usize);
+        let rows = rows.zip(right.pixels.chunks_exact(right.width as usize));
+        let pixels = rows.flat_map(|(left, right)| left.iter().chain(right)).copied().collect();
+        Self::new(self.width + right.width, self.height, pixels)
     }
 
     /// The picture as 8-bit samples, rounded to the nearest and held to 0 to 1, four bytes a pixel.
@@ -160,7 +176,23 @@ mod tests {
 
     #[test]
     fn a_depth_that_is_no_number_is_none() {
-        let picture = Picture::from_f32(1, 1, &[[1.0; 4]], &[f32::INFINITY]).unwrap();
-        assert_eq!(picture.pixel(0, 0).depth_mm, None);
+        for none in [f32::INFINITY, f32::NAN, 0.0] {
+            let picture = Picture::from_f32(1, 1, &[[1.0; 4]], &[none]).unwrap();
+            assert_eq!(picture.pixel(0, 0).depth_mm, None, "{none}");
+        }
+    }
+
+    #[test]
+    fn pictures_stand_side_by_side() {
+        let one = |x: f64| Pixel { rgba: [x; 4], depth_mm: Some(x) };
+        let left = Picture::new(2, 2, [1.0, 2.0, 3.0, 4.0].map(one).to_vec()).unwrap();
+        let right = Picture::new(1, 2, [5.0, 6.0].map(one).to_vec()).unwrap();
+        let both = left.beside(&right).unwrap();
+        assert_eq!((both.width(), both.height()), (3, 2));
+        assert_eq!(both.pixels(), [1.0, 2.0, 5.0, 3.0, 4.0, 6.0].map(one));
+        assert!(matches!(
+            left.beside(&Picture::new(1, 1, vec![one(0.0)]).unwrap()),
+            Err(ReferenceError::Sizes { .. })
+        ));
     }
 }

@@ -29,16 +29,11 @@ impl Still {
         &self.rgba[eye * pixels..(eye + 1) * pixels]
     }
 
-    /// One eye before a background, as 8-bit RGB, rounded to nearest.
+    /// One eye's part of `depth_mm`.
     #[must_use]
-    pub fn rgb8(&self, eye: usize, background: [f64; 3]) -> Vec<u8> {
-        let byte = |x: f32| (x.clamp(0.0, 1.0) * 255.0).round() as u8;
-        self.eye(eye)
-            .iter()
-            .flat_map(|p| {
-                std::array::from_fn::<u8, 3, _>(|i| byte(p[i] + (1.0 - p[3]) * background[i] as f32))
-            })
-            .collect()
+    pub fn eye_depth_mm(&self, eye: usize) -> &[f32] {
+        let pixels = self.eye_size_px[0] as usize * self.eye_size_px[1] as usize;
+        &self.depth_mm[eye * pixels..(eye + 1) * pixels]
     }
 }
 

@@ -1,6 +1,7 @@
 //! What each command does.
 
 mod adapters;
+mod compare;
 mod headset;
 mod info;
 mod load;
@@ -9,6 +10,7 @@ mod reporting;
 mod serve;
 mod shown;
 mod simulated;
+mod viewpoint;
 
 use crate::cli::Command;
 
@@ -19,6 +21,7 @@ pub(crate) fn run(command: Command) -> anyhow::Result<()> {
         Command::Headset(arguments) => headset::run(&arguments),
         Command::Load(arguments) => load::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
+        Command::Compare(arguments) => compare::run(&arguments),
         Command::Info(arguments) => info::run(&arguments),
         Command::Adapters { json } => adapters::run(json),
     }

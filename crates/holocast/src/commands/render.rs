@@ -2,23 +2,26 @@
 
 use crate::cli::Render;
 use crate::commands::shown::{Shown, quality_named};
-use crate::terminal::{say, tell};
+use crate::commands::viewpoint::Viewpoint;
+use crate::terminal::{progress, progress_done, say, tell};
+use ::reference::{Picture, RaySetup};
 use ::render::{
-    DepthGridSize, FrameRenderer, Gpu, GpuTimes, Placed, SceneOnDevice, StereoPlan, StereoRequest,
+    DepthGridSize, FrameRenderer, Gpu, GpuTimes, SceneOnDevice, StereoPlan, StereoRequest, Still,
     StillRenderer, VolumeOnDevice,
 };
-use anyhow::Context as _;
-use spatial::{DVec3, EyeView, Fov, HeadGeometry, Pose};
+use anyhow::{Context as _, bail};
+use picture_io::Precision;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use volume::Grid;
-
-/// Size of a still that neither the scene nor the command line gives.
-const DEFAULT_SIZE_PX: [u32; 2] = [1280, 720];
-/// Vertical field of view of a still without a camera, radians.
-const DEFAULT_FOV_Y: f64 = std::f64::consts::FRAC_PI_6;
 
 pub(crate) fn run(arguments: &Render) -> anyhow::Result<()> {
+    let outputs = Outputs::of(arguments)?;
+    if arguments.reference { exact(arguments, &outputs) } else { approximate(arguments, &outputs) }
+}
+
+/// The renderer's picture.
+fn approximate(arguments: &Render, outputs: &Outputs<'_>) -> anyhow::Result<()> {
     let mut quality = quality_named(&arguments.quality)?;
     quality.skip_empty = !arguments.no_skip;
     let shown = Shown::load(arguments.scene.as_deref(), arguments.volume.as_deref())?;
@@ -26,21 +29,11 @@ pub(crate) fn run(arguments: &Render) -> anyhow::Result<()> {
     let volume = Arc::new(VolumeOnDevice::upload(&gpu, &shown.loaded.volume, |_| {})?);
     let on_device = SceneOnDevice::new(&gpu, &volume, &shown.scene)?;
     let grid = volume.grid();
-
-    let eye_size_px = arguments.size.map(|s| s.0).or(shown.file.size).unwrap_or(DEFAULT_SIZE_PX);
-    let (placed, head, fov) = point_of_view(&shown, grid, eye_size_px)?;
-    let eyes: Vec<EyeView> = if arguments.stereo {
-        // Eyes are given in the unit of the space they look at: metres in the room, millimetres of the volume for a
-        // scene's own camera.
-        let unit_per_mm = if shown.file.camera.is_some() { 1.0 } else { 1.0e-3 };
-        HeadGeometry::parallel(arguments.eye_distance_mm * unit_per_mm, fov).view(&head).eyes.to_vec()
-    } else {
-        vec![EyeView { world_from_eye: head, fov }]
-    };
+    let view = viewpoint(arguments, &shown)?;
     let request = StereoRequest {
-        eyes: &eyes,
-        placed,
-        eye_size_px,
+        eyes: &view.eyes,
+        placed: view.placed,
+        eye_size_px: view.eye_size_px,
         quality,
         step_mm: arguments.step_mm.or(shown.file.step_mm),
         depth_grid: DepthGridSize::default(),
@@ -48,41 +41,100 @@ pub(crate) fn run(arguments: &Render) -> anyhow::Result<()> {
     let plan = StereoPlan::new(&request, grid, on_device.numbers())?;
 
     let still = StillRenderer::new(&gpu).render(&on_device, &plan)?;
-    save(arguments, &still, &shown)?;
+    outputs.write(&picture_of(&still)?, shown.scene.background)?;
     let times = timed(&gpu, &on_device, &plan, arguments.frames)?;
     report(arguments, &gpu, &plan, &times)
 }
 
-/// Where the eyes are: the scene's camera in the volume's own millimetres, or before the hologram in the room.
-fn point_of_view(
-    shown: &Shown,
-    grid: &Grid,
-    [width, height]: [u32; 2],
-) -> anyhow::Result<(Placed, Pose, Fov)> {
-    if let Some(camera) = &shown.file.camera {
-        let pose = camera.pose_mm().context("the scene's camera does not span a picture")?;
-        return Ok((Placed::own_axes(grid), pose, camera.fov(width, height)?));
+/// The exact picture, without a GPU.
+fn exact(arguments: &Render, outputs: &Outputs<'_>) -> anyhow::Result<()> {
+    let shown = Shown::load(arguments.scene.as_deref(), arguments.volume.as_deref())?;
+    let volume = &shown.loaded.volume;
+    let view = viewpoint(arguments, &shown)?;
+    let [width, height] = view.eye_size_px;
+    let begun = Instant::now();
+    let mut pictures = Vec::new();
+    for (at, eye) in view.eyes.iter().enumerate() {
+        let setup = RaySetup::new(volume.grid(), view.placed.index_from_world, *eye);
+        let eyes = view.eyes.len();
+        let told = move |p: ::reference::Progress| {
+            let rows = p.rows * eyes;
+            let done = p.rows * at + p.rows_done;
+            progress(format!("the exact picture: {:.0} % of {rows} rows", done as f64 * 100.0 / rows as f64));
+        };
+        pictures.push(::reference::render(volume, &shown.scene, &setup, width, height, &told)?);
     }
-    let placement = shown.scene.placement;
-    let fov = Fov::from_vertical(DEFAULT_FOV_Y, f64::from(width) / f64::from(height))?;
-    // Far enough that the volume's diagonal fills most of the picture's lower side.
-    let size_m = grid.size_mm().length() / placement.volume_mm_per_world_m();
-    let narrower = DEFAULT_FOV_Y.min(fov.right - fov.left);
-    let centre = DVec3::from_array(placement.position_m);
-    let at = centre + DVec3::new(0.25, 0.15, 1.0).normalize() * (size_m * 0.45 / (narrower / 2.0).tan());
-    let pose = Pose::looking_at(at, centre, DVec3::Y).context("no point of view before the hologram")?;
-    Ok((Placed::in_room(&placement, grid), pose, fov))
+    progress_done();
+    let secs = begun.elapsed().as_secs_f64();
+    outputs.write(&side_by_side(pictures)?, shown.scene.background)?;
+    if arguments.json {
+        say(serde_json::to_string_pretty(&serde_json::json!({
+            "picture": arguments.out, "data": outputs.data, "reference": true,
+            "eye_size_px": [width, height], "eyes": view.eyes.len(), "seconds": secs,
+        }))?);
+    } else {
+        tell(format!(
+            "picture   {} eye(s) of {width}x{height}, exact (float64), in {secs:.1} s",
+            view.eyes.len()
+        ));
+        say(arguments.out.display());
+    }
+    Ok(())
 }
 
-fn save(arguments: &Render, still: &::render::Still, shown: &Shown) -> anyhow::Result<()> {
-    let [width, height] = still.eye_size_px;
-    let mut picture = image::RgbImage::new(width * still.eye_count, height);
-    for eye in 0..still.eye_count {
-        let bytes = still.rgb8(eye as usize, shown.scene.background);
-        let one = image::RgbImage::from_raw(width, height, bytes).context("a picture of its own size")?;
-        image::imageops::replace(&mut picture, &one, i64::from(eye * width), 0);
+fn viewpoint(arguments: &Render, shown: &Shown) -> anyhow::Result<Viewpoint> {
+    let distance_mm = arguments.stereo.then_some(arguments.eye_distance_mm);
+    Viewpoint::of(shown, shown.loaded.volume.grid(), arguments.size.map(|s| s.0), distance_mm)
+}
+
+/// The files that were asked for.
+struct Outputs<'a> {
+    png: Option<&'a Path>,
+    data: Vec<&'a PathBuf>,
+}
+
+impl<'a> Outputs<'a> {
+    /// Looks at names and folders, so that nobody waits for a picture that has nowhere to go.
+    fn of(arguments: &'a Render) -> anyhow::Result<Self> {
+        let mut outputs = Self { png: None, data: arguments.data.iter().collect() };
+        let out = &arguments.out;
+        match out.extension().map(|e| e.to_string_lossy().to_lowercase()).as_deref() {
+            Some("png") => outputs.png = Some(out),
+            Some("npy") => outputs.data.push(out),
+            _ => bail!("{}: cannot be written: expected a name that ends in .png or .npy", out.display()),
+        }
+        for path in outputs.data.iter().map(|p| p.as_path()).chain(outputs.png) {
+            let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+            if folder.is_some_and(|folder| !folder.is_dir()) {
+                bail!("{}: cannot be written: there is no such folder", path.display());
+            }
+        }
+        Ok(outputs)
     }
-    picture.save(&arguments.out).with_context(|| format!("{}: cannot be written", arguments.out.display()))
+
+    fn write(&self, picture: &Picture, background: [f64; 3]) -> anyhow::Result<()> {
+        if let Some(path) = self.png {
+            picture_io::save_png(path, picture, background)?;
+        }
+        for path in &self.data {
+            picture_io::save_data(path, picture, Precision::Float32)?;
+        }
+        Ok(())
+    }
+}
+
+fn picture_of(still: &Still) -> anyhow::Result<Picture> {
+    let [width, height] = still.eye_size_px;
+    let eyes = (0..still.eye_count as usize)
+        .map(|eye| Picture::from_f32(width, height, still.eye(eye), still.eye_depth_mm(eye)));
+    side_by_side(eyes.collect::<Result<_, _>>()?)
+}
+
+/// One picture of all eyes.
+fn side_by_side(eyes: Vec<Picture>) -> anyhow::Result<Picture> {
+    let mut eyes = eyes.into_iter();
+    let first = eyes.next().context("a picture has an eye")?;
+    Ok(eyes.try_fold(first, |all, eye| all.beside(&eye))?)
 }
 
 /// Wall times of whole frames: submitted, drawn, converted, read back; and what the device says of each.
@@ -123,7 +175,7 @@ fn report(
     let [width, height] = plan.output_size_px();
     if arguments.json {
         say(serde_json::to_string_pretty(&serde_json::json!({
-            "picture": arguments.out, "adapter": gpu.adapter().name, "eye_size_px": [width, height],
+            "picture": arguments.out, "data": arguments.data, "adapter": gpu.adapter().name, "eye_size_px": [width, height],
             "eyes": plan.eye_count(), "quality": arguments.quality, "step_mm": plan.step_mm(),
             "frames": times.len(),
             "frame_ms_min": frame_min, "frame_ms_median": frame_median,

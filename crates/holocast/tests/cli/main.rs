@@ -4,5 +4,6 @@
 mod errors;
 mod files;
 mod network;
+mod pictures;
 mod program;
 mod stills;
