@@ -22,15 +22,12 @@ struct Stretch {
 // In the order of values.
 @group(2) @binding(4) var<storage, read> stretches: array<Stretch>;
 
-// Colours of a piece are integrated to this error, of all light.
-const PIECE_ERROR: f32 = 2.0e-5;
 // The shortest piece, as a part of the way through a cell: behind it, light of the densest matter is spent.
 const LEAST_PIECE: f32 = 1.52587890625e-5;
 // Pieces of lit matter begin no longer: a highlight is narrow.
 const LIT_PIECE: f32 = 0.25;
 const ROOT_STEPS: i32 = 24;
 const LN_2: f32 = 0.69314718;
-const FAR: f32 = 3.0e38;
 
 // The stored number itself. Integers come as parts of their range, rounded to float32: they are made whole again.
 fn stored(p: vec3<i32>) -> f32 {
@@ -69,14 +66,6 @@ fn extinction_of(opacity: f32) -> f32 {
         return opacity * (1.0 + opacity * (0.5 + opacity * (0.33333333 + opacity * (0.25 + opacity * 0.2))));
     }
     return -log(1.0 - opacity);
-}
-
-// 1 - exp(-x), with the digits of a small x.
-fn opacity_of(optical_depth: f32) -> f32 {
-    if (optical_depth < 0.03) {
-        return optical_depth * (1.0 - optical_depth * (0.5 - optical_depth * (0.16666667 - optical_depth * 0.041666667)));
-    }
-    return 1.0 - exp(-optical_depth);
 }
 
 // One ray's way through one cell.
@@ -150,21 +139,22 @@ fn corner(i: u32) -> vec3<i32> {
     return vec3<i32>(i32(i & 1u), i32((i >> 1u) & 1u), i32(i >> 2u));
 }
 
-// Values at the corners of a cell, x fastest.
-fn corner_values(cell: vec3<i32>) -> array<f32, 8> {
-    var values: array<f32, 8>;
+// What is stored at the corners of a cell, x fastest.
+fn corners_of(cell: vec3<i32>) -> array<f32, 8> {
+    var c: array<f32, 8>;
     for (var i = 0u; i < 8u; i += 1u) {
-        values[i] = stored(cell + corner(i)) * frame.stored.z + frame.stored.w;
+        c[i] = stored(cell + corner(i));
     }
-    return values;
+    return c;
 }
 
-fn lowest(c: array<f32, 8>) -> f32 {
-    return min(min(min(c[0], c[1]), min(c[2], c[3])), min(min(c[4], c[5]), min(c[6], c[7])));
-}
-
-fn highest(c: array<f32, 8>) -> f32 {
-    return max(max(max(c[0], c[1]), max(c[2], c[3])), max(max(c[4], c[5]), max(c[6], c[7])));
+// The lowest and the highest value of eight corners; all between them lies between these.
+fn range_of(c: array<f32, 8>) -> vec2<f32> {
+    let low = min(min(min(c[0], c[1]), min(c[2], c[3])), min(min(c[4], c[5]), min(c[6], c[7])));
+    let high = max(max(max(c[0], c[1]), max(c[2], c[3])), max(max(c[4], c[5]), max(c[6], c[7])));
+    let a = low * frame.stored.z + frame.stored.w;
+    let b = high * frame.stored.z + frame.stored.w;
+    return vec2<f32>(min(a, b), max(a, b));
 }
 
 // The trilinear interpolation of eight corners on the straight way from a to b: coefficients of 1, u, u², u³.
@@ -192,6 +182,11 @@ fn across(c: array<f32, 8>, a: vec3<f32>, b: vec3<f32>) -> vec4<f32> {
         d.x * d.y * (xy + xyz * a.z) + d.x * d.z * (xz + xyz * a.y) + d.y * d.z * (yz + xyz * a.x),
         d.x * d.y * d.z * xyz,
     );
+}
+
+// The value on the way from a to b through a cell, a cubic.
+fn value_across(c: array<f32, 8>, a: vec3<f32>, b: vec3<f32>) -> vec4<f32> {
+    return across(c, a, b) * frame.stored.z + vec4<f32>(frame.stored.w, 0.0, 0.0, 0.0);
 }
 
 fn cubic_at(c: vec4<f32>, u: f32) -> f32 {
@@ -253,15 +248,6 @@ fn root_of(c: vec4<f32>, low_end: f32, high_end: f32, value: f32) -> f32 {
     return u;
 }
 
-// The central differences along x, y and z at a corner.
-fn differences(p: vec3<i32>) -> vec3<f32> {
-    return vec3<f32>(
-        stored(p + vec3<i32>(1, 0, 0)) - stored(p - vec3<i32>(1, 0, 0)),
-        stored(p + vec3<i32>(0, 1, 0)) - stored(p - vec3<i32>(0, 1, 0)),
-        stored(p + vec3<i32>(0, 0, 1)) - stored(p - vec3<i32>(0, 0, 1)),
-    );
-}
-
 // The gradient on the way from a to b through a cell, by index, up to a common factor: three cubics. Inside a cell the
 // central difference is the trilinear interpolation of those at its corners.
 struct Gradient {
@@ -270,15 +256,18 @@ struct Gradient {
     z: vec4<f32>,
 }
 
-fn gradient_across(cell: vec3<i32>, a: vec3<f32>, b: vec3<f32>) -> Gradient {
+fn gradient_across(cell: vec3<i32>, c: array<f32, 8>, a: vec3<f32>, b: vec3<f32>) -> Gradient {
+    var at_corner = c;
     var x: array<f32, 8>;
     var y: array<f32, 8>;
     var z: array<f32, 8>;
     for (var i = 0u; i < 8u; i += 1u) {
-        let d = differences(cell + corner(i));
-        x[i] = d.x;
-        y[i] = d.y;
-        z[i] = d.z;
+        // Of the two neighbours along an axis, one is a corner too.
+        let p = cell + corner(i);
+        let out = corner(i) * 2 - 1;
+        x[i] = (stored(p + vec3<i32>(out.x, 0, 0)) - at_corner[i ^ 1u]) * f32(out.x);
+        y[i] = (stored(p + vec3<i32>(0, out.y, 0)) - at_corner[i ^ 2u]) * f32(out.y);
+        z[i] = (stored(p + vec3<i32>(0, 0, out.z)) - at_corner[i ^ 4u]) * f32(out.z);
     }
     return Gradient(across(x, a, b), across(y, a, b), across(z, a, b));
 }
@@ -297,6 +286,8 @@ fn emission_absorption_exact(ray: Ray) -> Pixel {
     var color = vec3<f32>(0.0);
     var optical_depth = 0.0;
     var half_mm = 0.0;
+    // What a piece may be off by: what a ray's end may.
+    let piece_error = max(frame.least_transmittance, 1.0e-5);
     let deepest = -log(max(frame.least_transmittance, 1.0e-12));
     var walk = walk_of(ray);
     while (is_walking(walk, ray) && optical_depth < deepest) {
@@ -311,17 +302,17 @@ fn emission_absorption_exact(ray: Ray) -> Pixel {
         if (!(passage.length_mm > 0.0)) {
             continue;
         }
-        let corners = corner_values(passage.cell);
-        // Values between lie between those of the corners.
-        let top = stretches[stretch_of(highest(corners))];
-        if (top.seen_before + u32(is_seen(top)) == stretches[stretch_of(lowest(corners))].seen_before) {
+        let corners = corners_of(passage.cell);
+        let range = range_of(corners);
+        let top = stretches[stretch_of(range.y)];
+        if (top.seen_before + u32(is_seen(top)) == stretches[stretch_of(range.x)].seen_before) {
             continue;
         }
-        let value = across(corners, passage.begin, passage.end);
+        let value = value_across(corners, passage.begin, passage.end);
         let turns = turns_of(value);
         var gradient: Gradient;
         if (LIT) {
-            gradient = gradient_across(passage.cell, passage.begin, passage.end);
+            gradient = gradient_across(passage.cell, corners, passage.begin, passage.end);
         }
         // From the begin to the end of the cell, cut where the value turns and where it passes a knot.
         var u = 0.0;
@@ -386,7 +377,7 @@ fn emission_absorption_exact(ray: Ray) -> Pixel {
                 let off_depth = abs(d_4 - (x[0] + 4.0 * x[2] + x[4]) / 6.0) * (1.0 - opacity);
                 let off = max(max(max(off_color.x, off_color.y), off_color.z), max(off_depth, abs(fine - opacity)));
                 let light = exp(-optical_depth);
-                if (off * light > PIECE_ERROR && part > LEAST_PIECE) {
+                if (off * light > piece_error && part > LEAST_PIECE) {
                     longest = 0.5 * part;
                     continue;
                 }
@@ -428,11 +419,11 @@ fn first_crossing_exact(ray: Ray) -> Pixel {
                 continue;
             }
         }
-        let corners = corner_values(passage.cell);
-        if (!(passage.length_mm > 0.0) || highest(corners) < frame.threshold) {
+        let corners = corners_of(passage.cell);
+        if (!(passage.length_mm > 0.0) || range_of(corners).y < frame.threshold) {
             continue;
         }
-        value = across(corners, passage.begin, passage.end);
+        value = value_across(corners, passage.begin, passage.end);
         let turns = turns_of(value);
         // Between its turns the value rises or falls: it first reaches the threshold in the first part that ends above.
         low = 0.0;
@@ -467,7 +458,7 @@ fn first_crossing_exact(ray: Ray) -> Pixel {
     }
     out.depth_mm = found.begin_mm + found.length_mm * u;
     let p = found.begin + (found.end - found.begin) * u;
-    let cosine = cosine_at(gradient_across(found.cell, p, p), 0.0, ray.direction_mm);
+    let cosine = cosine_at(gradient_across(found.cell, corners_of(found.cell), p, p), 0.0, ray.direction_mm);
     out.opacity = frame.surface_opacity;
     out.color = lit(frame.surface_color, cosine) * out.opacity;
     return out;
@@ -482,7 +473,7 @@ fn x_ray_exact(ray: Ray) -> Pixel {
     var walk = walk_of(ray);
     while (is_walking(walk, ray)) {
         let passage = passed(&walk, ray);
-        let c = across(corner_values(passage.cell), passage.begin, passage.end);
+        let c = value_across(corners_of(passage.cell), passage.begin, passage.end);
         part += (c.x + c.y / 2.0 + c.z / 3.0 + c.w / 4.0) * passage.length_mm;
         way_part += passage.length_mm;
         if ((walk.cells_left & 63) == 0) {
@@ -509,11 +500,11 @@ fn maximum_exact(ray: Ray) -> Pixel {
                 continue;
             }
         }
-        let corners = corner_values(passage.cell);
-        if (!(passage.length_mm > 0.0) || highest(corners) <= best) {
+        let corners = corners_of(passage.cell);
+        if (!(passage.length_mm > 0.0) || range_of(corners).y <= best) {
             continue;
         }
-        let value = across(corners, passage.begin, passage.end);
+        let value = value_across(corners, passage.begin, passage.end);
         let turns = turns_of(value);
         for (var i = 0; i < 4; i += 1) {
             let u = select(select(select(0.0, turns.x, i == 1), turns.y, i == 2), 1.0, i == 3);

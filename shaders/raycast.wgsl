@@ -29,6 +29,9 @@ const REFINEMENTS: i32 = 7;
 @group(3) @binding(0) var picture: texture_storage_2d_array<rgba32float, write>;
 @group(3) @binding(1) var depth_mm: texture_storage_2d_array<r32float, write>;
 
+// Farther than any volume reaches, in millimetres, and finite.
+const FAR: f32 = 3.0e38;
+
 struct Ray {
     // t is millimetres along the ray from the anchor; the eye lies at t = -eye_distance_mm.
     anchor: vec3<f32>,
@@ -68,8 +71,12 @@ fn ray_of(eye: u32, pixel: vec2<u32>) -> Ray {
     ray.mm_per = 1.0 / held;
     let a = (vec3<f32>(-0.5) - ray.anchor) * ray.mm_per;
     let b = (frame.dims - 0.5 - ray.anchor) * ray.mm_per;
-    let near = min(a, b);
-    let far = max(a, b);
+    // A ray in a face has no way to that face: it is inside.
+    let is_parallel = abs(ray.per_mm) < vec3<f32>(least);
+    let is_between = (ray.anchor >= vec3<f32>(-0.5)) & (ray.anchor <= frame.dims - 0.5);
+    let endless = select(vec3<f32>(-FAR), vec3<f32>(FAR), is_between);
+    let near = select(min(a, b), -endless, is_parallel);
+    let far = select(max(a, b), endless, is_parallel);
     ray.enter_mm = max(max(max(near.x, near.y), near.z), -ray.eye_distance_mm);
     ray.leave_mm = min(min(far.x, far.y), far.z);
     return ray;
@@ -100,6 +107,14 @@ fn extinction_per_mm(raw: f32) -> f32 {
     let u = table_position(raw);
     let i = min(u32(u), u32(ENTRIES) - 2u);
     return mix(extinction[i], extinction[i + 1u], u - f32(i));
+}
+
+// 1 - exp(-x), with the digits of a small x.
+fn opacity_of(optical_depth: f32) -> f32 {
+    if (optical_depth < 0.03) {
+        return optical_depth * (1.0 - optical_depth * (0.5 - optical_depth * (0.16666667 - optical_depth * 0.041666667)));
+    }
+    return 1.0 - exp(-optical_depth);
 }
 
 // How many samples from i on, at step_mm from p, lie where nothing is to be seen; 0 if p itself may be seen.
@@ -184,7 +199,7 @@ fn emission_absorption(ray: Ray) -> Pixel {
     let rest_mm = max(way - f32(whole) * frame.step_mm, 0.0);
     let p = at(ray, rest_begin + 0.5 * rest_mm);
     let raw = raw_at(p);
-    let rest_opacity = 1.0 - exp(-extinction_per_mm(raw) * rest_mm);
+    let rest_opacity = opacity_of(extinction_per_mm(raw) * rest_mm);
     if (rest_opacity > 0.0 && 1.0 - sum.opacity >= frame.least_transmittance) {
         var color = optical(raw).rgb;
         if (LIT) {

@@ -46,6 +46,14 @@ pub enum RenderError {
         /// The device's limit.
         max: u32,
     },
+    /// Samples are NaN or infinite, which a shader may not be given; a loader replaces them.
+    #[error("channel '{channel}' has {count} samples that are not finite: replace them first")]
+    NotFinite {
+        /// The channel's name.
+        channel: String,
+        /// How many.
+        count: usize,
+    },
     /// The picture has more pixels along a side than a texture may have.
     #[error("one eye's picture has {size_px:?} pixels, the device allows {max} along each side")]
     PictureTooLarge {

@@ -1,14 +1,16 @@
 //! A frame as data: everything the device is told, worked out in float64 and testable without a device.
 
-use crate::Quality;
 use crate::layout::{GpuEye, GpuFrame};
 use crate::pipelines::Features;
 use crate::scene_on_device::SceneNumbers;
-use spatial::{DAffine3, DMat3, DVec3, EyeView};
+use crate::{Quality, Sampling};
+use spatial::{DAffine3, DMat3, DQuat, DVec3, EyeView, Fov, FovError};
 use volume::Grid;
 
 /// Most samples along the longest way through a volume: beyond, float32 cannot number them.
 const MOST_SAMPLES: f64 = 1_048_576.0;
+/// How far an orientation's length may be from 1: more is no rounding.
+const UNIT_LENGTH_TOLERANCE: f64 = 1.0e-3;
 /// Longest side of a picture in pixels.
 const LONGEST_SIDE: u32 = 16_384;
 
@@ -71,6 +73,29 @@ pub enum PlanError {
     /// Neither one eye nor two.
     #[error("a picture has one or two eyes, found {0}")]
     Eyes(usize),
+    /// An eye whose position or orientation is not finite, or whose orientation is no rotation.
+    #[error(
+        "eye {eye} is at {position} with orientation {orientation}: expected finite numbers and a quaternion of length 1"
+    )]
+    Pose {
+        /// Which eye, from 0.
+        eye: usize,
+        /// Its position, in the space of the eyes.
+        position: DVec3,
+        /// Its orientation.
+        orientation: DQuat,
+    },
+    /// An eye's field of view is none.
+    #[error("eye {eye}: {why}")]
+    Fov {
+        /// Which eye, from 0.
+        eye: usize,
+        /// What is wrong with it.
+        why: FovError,
+    },
+    /// The volume is placed nowhere: a number is not finite, or it has no extent.
+    #[error("the transform from the eyes' space to voxels, {0}, is not finite or flattens space")]
+    Placed(DAffine3),
     /// No pixel, or too many.
     #[error("picture of {0:?} pixels an eye: each side must be 1 to {LONGEST_SIDE}")]
     Size([u32; 2]),
@@ -115,7 +140,7 @@ impl StereoPlan {
     /// Works a request out.
     ///
     /// # Errors
-    /// If it has no eye, no pixel, or a step or quality out of range.
+    /// If it has no eye, no pixel, an eye or a placement that is none, or a step or quality out of range.
     pub fn new(request: &StereoRequest<'_>, grid: &Grid, numbers: &SceneNumbers) -> Result<Self, PlanError> {
         let StereoRequest { eyes, placed, eye_size_px, quality, depth_grid, .. } = request;
         if !(1..=2).contains(&eyes.len()) {
@@ -125,11 +150,14 @@ impl StereoPlan {
             return Err(PlanError::Size(*eye_size_px));
         }
         check_quality(quality)?;
+        check_eyes(eyes, placed)?;
         let step_mm =
             request.step_mm.unwrap_or_else(|| quality.step_voxels * grid.spacing_mm().min_element());
         let way_mm = grid.size_mm().length();
         let samples = way_mm / step_mm;
-        if !(step_mm > 0.0 && samples <= MOST_SAMPLES) {
+        // Without steps, a step has only to be one.
+        let most = if quality.sampling == Sampling::Cells { f64::MAX } else { MOST_SAMPLES };
+        if !(step_mm > 0.0 && samples <= most) {
             return Err(PlanError::Step { step_mm, way_mm, samples });
         }
         let scaled = |side: u32| ((f64::from(side) * quality.resolution_scale).round() as u32).max(1);
@@ -232,6 +260,23 @@ impl StereoPlan {
     pub fn depth_grid(&self) -> DepthGridSize {
         self.depth_grid
     }
+}
+
+fn check_eyes(eyes: &[EyeView], placed: &Placed) -> Result<(), PlanError> {
+    let flat = placed.index_from_world.matrix3.determinant() == 0.0;
+    if !placed.index_from_world.is_finite() || flat || !placed.room_mm_per_volume_mm.is_finite() {
+        return Err(PlanError::Placed(placed.index_from_world));
+    }
+    for (eye, view) in eyes.iter().enumerate() {
+        let (position, orientation) = (view.world_from_eye.position_m, view.world_from_eye.orientation);
+        let is_unit = (orientation.length() - 1.0).abs() <= UNIT_LENGTH_TOLERANCE;
+        if !position.is_finite() || !is_unit {
+            return Err(PlanError::Pose { eye, position, orientation });
+        }
+        let Fov { left, right, up, down } = view.fov;
+        Fov::checked(left, right, up, down).map_err(|why| PlanError::Fov { eye, why })?;
+    }
+    Ok(())
 }
 
 fn check_quality(quality: &Quality) -> Result<(), PlanError> {
@@ -368,10 +413,22 @@ mod tests {
         };
         assert!(matches!(plan(&[], [8, 8], Quality::FINE, None), Err(PlanError::Eyes(0))));
         assert!(matches!(plan(&[eye], [0, 8], Quality::FINE, None), Err(PlanError::Size(_))));
-        assert!(matches!(plan(&[eye], [8, 8], Quality::FINE, Some(1e-7)), Err(PlanError::Step { .. })));
-        assert!(matches!(plan(&[eye], [8, 8], Quality::FINE, Some(f64::NAN)), Err(PlanError::Step { .. })));
+        let steps = Quality::BALANCED;
+        assert!(matches!(plan(&[eye], [8, 8], steps, Some(1e-7)), Err(PlanError::Step { .. })));
+        assert!(matches!(plan(&[eye], [8, 8], steps, Some(f64::NAN)), Err(PlanError::Step { .. })));
         let quality = Quality { resolution_scale: 0.0, ..Quality::FINE };
         assert!(matches!(plan(&[eye], [8, 8], quality, None), Err(PlanError::Quality { .. })));
+        let turned =
+            |orientation| EyeView { world_from_eye: Pose { orientation, ..eye.world_from_eye }, ..eye };
+        for orientation in [DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0), DQuat::NAN, DQuat::IDENTITY * 1.1] {
+            let refused = plan(&[eye, turned(orientation)], [8, 8], Quality::FINE, None);
+            assert!(matches!(refused, Err(PlanError::Pose { eye: 1, .. })), "{orientation}");
+        }
+        let inside_out = EyeView { fov: Fov { left: 0.3, right: -0.3, up: 0.3, down: -0.3 }, ..eye };
+        assert!(matches!(
+            plan(&[inside_out], [8, 8], Quality::FINE, None),
+            Err(PlanError::Fov { eye: 0, .. })
+        ));
     }
 
     #[test]

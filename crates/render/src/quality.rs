@@ -20,7 +20,7 @@ pub struct Quality {
     /// Distance of samples along a ray over the smallest voxel spacing; not looked at with [`Sampling::Cells`].
     pub step_voxels: f64,
     /// A ray ends when less than this part of the light comes through: the error is at most this, in units of full
-    /// brightness.
+    /// brightness. With [`Sampling::Cells`], matter between two knots of the transfer function is integrated to this too.
     pub least_transmittance: f64,
     /// Who interpolates.
     pub sampling: Sampling,
@@ -39,11 +39,15 @@ impl Quality {
         sampling: Sampling::Hardware,
         skip_empty: true,
     };
-    /// Two samples a voxel.
-    pub const FINE: Self = Self { step_voxels: 0.5, least_transmittance: 1.0 / 2048.0, ..Self::BALANCED };
-    /// Without steps: exact up to the rounding of float32.
-    pub const EXACT: Self =
-        Self { step_voxels: 0.125, least_transmittance: 1.0e-5, sampling: Sampling::Cells, ..Self::BALANCED };
+    /// Without steps, to an eighth of a step of 8 bits.
+    pub const FINE: Self = Self {
+        step_voxels: 0.5,
+        least_transmittance: 1.0 / 2048.0,
+        sampling: Sampling::Cells,
+        ..Self::BALANCED
+    };
+    /// Without steps, exact up to the rounding of float32.
+    pub const EXACT: Self = Self { step_voxels: 0.125, least_transmittance: 1.0e-5, ..Self::FINE };
 
     /// The levels by name, cheapest first.
     pub const LEVELS: [(&'static str, Self); 4] =

@@ -3,6 +3,7 @@
 use crate::cells::CellRanges;
 use crate::error::RenderError;
 use crate::gpu::Gpu;
+use rayon::prelude::*;
 use std::sync::Arc;
 use volume::{Channel, Grid, Volume, Voxels};
 
@@ -12,7 +13,7 @@ const SLAB_BYTES: usize = 8 << 20;
 /// A volume on the device, shared by all who draw it.
 pub type SharedVolume = Arc<VolumeOnDevice>;
 
-/// The channels of a volume as 3-D textures in the precision of the file, with the cells of each.
+/// The channels of a volume as 3-D textures in no less than the precision of the file, with the cells of each.
 #[derive(Debug)]
 pub struct VolumeOnDevice {
     grid: Grid,
@@ -36,7 +37,7 @@ impl VolumeOnDevice {
     /// afterwards.
     ///
     /// # Errors
-    /// If the volume is larger than a texture may be, or the device has no room.
+    /// If the volume is larger than a texture may be, has samples that are not finite, or the device has no room.
     pub fn upload(gpu: &Gpu, volume: &Volume, mut progress: impl FnMut(f64)) -> Result<Self, RenderError> {
         let grid = volume.grid().clone();
         let max = gpu.longest_volume_axis();
@@ -69,9 +70,18 @@ impl ChannelOnDevice {
         grid: &Grid,
         mut progress: impl FnMut(f64),
     ) -> Result<Self, RenderError> {
+        if let Voxels::F32(v) = &channel.voxels {
+            let count = v.par_iter().filter(|s| !s.is_finite()).count();
+            if count > 0 {
+                return Err(RenderError::NotFinite { channel: channel.name.clone(), count });
+            }
+        }
         let [width, height, depth] = grid.dims();
         // How stored numbers reach the shader: unorm formats as a part of their range.
+        let is_widened = is_widened(gpu, channel);
         let (format, unit, shift) = match &channel.voxels {
+            // 257 times as much of 65535 is the same part.
+            Voxels::U8(_) if is_widened => (wgpu::TextureFormat::R16Unorm, 255.0, 0.0),
             Voxels::U8(_) => (wgpu::TextureFormat::R8Unorm, 255.0, 0.0),
             Voxels::U16(_) => (wgpu::TextureFormat::R16Unorm, 65535.0, 0.0),
             // Signed numbers shifted up: snorm would not tell -32768 from -32767.
@@ -91,20 +101,26 @@ impl ChannelOnDevice {
                 view_formats: &[],
             })
         })?;
-        let voxel_bytes = channel.voxels.voxel_type().bytes();
+        let stored_bytes = channel.voxels.voxel_type().bytes();
+        let voxel_bytes = if is_widened { 2 } else { stored_bytes };
         let slice_voxels = width as usize * height as usize;
         let slices = (SLAB_BYTES / (slice_voxels * voxel_bytes)).clamp(1, depth as usize);
-        let mut shifted = Vec::new();
+        let mut wide: Vec<u16> = Vec::new();
         for z in (0..depth as usize).step_by(slices) {
             let count = slices.min(depth as usize - z);
             let range = z * slice_voxels..(z + count) * slice_voxels;
             let bytes: &[u8] = match &channel.voxels {
                 Voxels::I16(v) => {
-                    shifted.clear();
-                    shifted.extend(v[range].iter().map(|&s| (i32::from(s) + 32768) as u16));
-                    bytemuck::cast_slice(&shifted)
+                    wide.clear();
+                    wide.extend(v[range].iter().map(|&s| (i32::from(s) + 32768) as u16));
+                    bytemuck::cast_slice(&wide)
                 }
-                other => &other.as_bytes()[range.start * voxel_bytes..range.end * voxel_bytes],
+                Voxels::U8(v) if is_widened => {
+                    wide.clear();
+                    wide.extend(v[range].iter().map(|&s| u16::from(s) * 257));
+                    bytemuck::cast_slice(&wide)
+                }
+                other => &other.as_bytes()[range.start * stored_bytes..range.end * stored_bytes],
             };
             gpu.queue.write_texture(
                 wgpu::TexelCopyTextureInfo {
@@ -128,7 +144,7 @@ impl ChannelOnDevice {
                 .map_err(|e| RenderError::Device { what: "the volume's upload", reason: e.to_string() })?;
             progress((z + count) as f64 / f64::from(depth));
         }
-        let cells = CellRanges::of(channel, grid.dims(), filter_slack(channel));
+        let cells = CellRanges::of(channel, grid.dims(), filter_slack(channel, is_widened));
         let value_scale = channel.slope * unit;
         let value_offset = channel.slope * shift + channel.intercept;
         let bind_group = Self::bind(gpu, &texture, &cells)?;
@@ -165,11 +181,18 @@ impl ChannelOnDevice {
     }
 }
 
-/// How far, in stored units, the filter may come to lie outside the eight voxels that it interpolates. Software drivers
-/// filter 8-bit textures in 8-bit arithmetic, where a unit is the rounding; other formats go through float32.
-fn filter_slack(channel: &Channel) -> f64 {
+/// Whether 8-bit voxels are held in 16 bits: software drivers filter 8-bit textures in 8-bit arithmetic, and the slopes of
+/// a smooth volume become stairs. 16 bits they filter in float32, in the same time.
+fn is_widened(gpu: &Gpu, channel: &Channel) -> bool {
+    gpu.adapter().is_software && matches!(channel.voxels, Voxels::U8(_))
+}
+
+/// How far, in stored units, the filter may come to lie outside the eight voxels that it interpolates: a unit where 8-bit
+/// textures are filtered in 8-bit arithmetic; other formats go through float32.
+fn filter_slack(channel: &Channel, is_widened: bool) -> f64 {
     const FLOAT_ROUNDING: f64 = 1.0e-6;
     match &channel.voxels {
+        Voxels::U8(_) if is_widened => 255.0 * FLOAT_ROUNDING,
         Voxels::U8(_) => 1.0,
         Voxels::I16(_) | Voxels::U16(_) => 65535.0 * FLOAT_ROUNDING,
         Voxels::F32(v) => {

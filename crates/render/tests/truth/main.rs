@@ -5,6 +5,7 @@
 //! difference as PNG in cargo's folder for tests.
 #![expect(clippy::unwrap_used, reason = "a test that cannot set itself up has failed")]
 
+mod closed_forms;
 mod levels;
 mod scenes;
 mod setting;

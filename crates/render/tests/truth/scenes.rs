@@ -20,6 +20,13 @@ pub(crate) struct Case {
     pub(crate) size: [u32; 2],
 }
 
+impl Case {
+    /// The smallest spacing.
+    pub(crate) fn voxel_mm(&self) -> f64 {
+        self.shown.volume.grid().spacing_mm().min_element()
+    }
+}
+
 /// A volume, the range of its values, and what scenes of it are made of.
 struct Subject {
     name: &'static str,
@@ -32,7 +39,7 @@ struct Subject {
 }
 
 /// Hills and hollows, none steeper than the samples can follow: 0 to 1.
-fn hills(p: DVec3, n: f64) -> f64 {
+pub(crate) fn hills(p: DVec3, n: f64) -> f64 {
     let q = p / n - 0.5;
     let ball = (-12.0 * q.length_squared()).exp();
     let wave = (9.0 * q.x + 2.0).sin() * (7.0 * q.y).cos() * (8.0 * q.z + 1.0).sin();

@@ -1,6 +1,7 @@
 //! Volumes, scenes and eyes on the device and in the reference.
 
-use reference::{Picture, RaySetup, Reference};
+use crate::tolerances;
+use reference::{Picture, RaySetup, Reference, Uncertainty, judge};
 use render::{
     DepthGridSize, Gpu, Placed, Quality, SceneOnDevice, StereoPlan, StereoRequest, Still, StillRenderer,
     VolumeOnDevice,
@@ -82,6 +83,14 @@ impl Noise {
     pub(crate) fn next(&mut self) -> f64 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    pub(crate) fn within(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.next()
+    }
+
+    pub(crate) fn point(&mut self, low: f64, high: f64) -> DVec3 {
+        DVec3::new(self.within(low, high), self.within(low, high), self.within(low, high))
     }
 }
 
@@ -167,13 +176,7 @@ impl Shown {
 /// One eye's part of a picture read back from the device.
 pub(crate) fn picture_of(still: &Still, eye: usize) -> Picture {
     let [width, height] = still.eye_size_px;
-    let pixels = (width * height) as usize;
-    // The device writes 0 where there is no depth.
-    let depths: Vec<f32> = still.depth_mm[eye * pixels..(eye + 1) * pixels]
-        .iter()
-        .map(|&d| if d > 0.0 { d } else { f32::NAN })
-        .collect();
-    Picture::from_f32(width, height, still.eye(eye), &depths).unwrap()
+    Picture::from_f32(width, height, still.eye(eye), still.eye_depth_mm(eye)).unwrap()
 }
 
 /// Leaves a picture that failed, the exact one, and eight times their difference as PNG, before grey.
@@ -190,5 +193,83 @@ pub(crate) fn keep_failure(name: &str, exact: &Picture, drawn: &Picture) {
         let mut writer = encoder.write_header().unwrap();
         writer.write_image_data(&picture.over([0.25; 3]).to_rgba8()).unwrap();
         tell(&format!("left {}", path.display()));
+    }
+}
+
+/// A volume of float32 voxels along the patient's axes.
+pub(crate) fn floats(dims: [u32; 3], spacing_mm: [f64; 3], f: impl FnMut(DVec3) -> f64) -> Volume {
+    volume_on(straight(dims, spacing_mm), f32s(&each(dims, f)))
+}
+
+/// What one ray sees.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Seen {
+    pub(crate) rgba: [f64; 4],
+    pub(crate) depth_mm: Option<f64>,
+}
+
+/// A quality that never ends a ray early.
+pub(crate) fn to_the_end(quality: Quality) -> Quality {
+    Quality { least_transmittance: 0.0, ..quality }
+}
+
+impl Shown {
+    /// What the ray from one point through another sees, both as voxel index.
+    pub(crate) fn ray(
+        &self,
+        from: [f64; 3],
+        towards: [f64; 3],
+        quality: Quality,
+        step_mm: Option<f64>,
+    ) -> Seen {
+        let mm = self.volume.grid().own_axes_from_index();
+        let at = |p: [f64; 3]| mm.transform_point3(DVec3::from_array(p));
+        let narrow = Fov::symmetric(0.01, 0.01).unwrap();
+        self.seen(eye(at(from), at(towards), narrow), quality, step_mm)
+    }
+
+    /// What the ray in the middle of an eye's view sees.
+    pub(crate) fn seen(&self, eye: EyeView, quality: Quality, step_mm: Option<f64>) -> Seen {
+        let pixel = self.drawn(eye, [1, 1], quality, step_mm).pixel(0, 0);
+        Seen { rgba: pixel.rgba, depth_mm: pixel.depth_mm }
+    }
+}
+
+#[track_caller]
+pub(crate) fn near(found: f64, expected: f64, tolerance: f64) {
+    assert!((found - expected).abs() <= tolerance, "{found}, expected {expected} within {tolerance:e}");
+}
+
+/// Draws a picture at the level `exact`, and asks of it what is asked there of every picture.
+#[track_caller]
+pub(crate) fn true_picture(name: &str, shown: &Shown, eye: EyeView, size: [u32; 2]) -> Picture {
+    let exact = shown.exact(eye, size);
+    let drawn = shown.drawn(eye, size, Quality::EXACT, None);
+    let reference = shown.reference();
+    let tolerance = tolerances::exact(shown.volume.grid().spacing_mm().min_element());
+    let uncertainty = Uncertainty::of_float32(&reference);
+    let verdict = judge(&reference, &shown.rays(eye), &exact, &drawn, &tolerance, &uncertainty).unwrap();
+    tell(&format!(
+        "{name}, {}: at most {:.4}/255, {} jumps",
+        shown.scene.mode.name(),
+        verdict.color_error * 255.0,
+        verdict.jumps.len()
+    ));
+    let most = (tolerances::MOST_JUMPS * verdict.pixels as f64).ceil() as usize;
+    if !verdict.wrong.is_empty() || verdict.jumps.len() > most {
+        keep_failure(name, &exact, &drawn);
+        panic!("{name}, {}: {verdict:?}", shown.scene.mode.name());
+    }
+    finite(name, &drawn);
+    drawn
+}
+
+/// No pixel is anything but a colour.
+#[track_caller]
+pub(crate) fn finite(name: &str, picture: &Picture) {
+    for (i, p) in picture.pixels().iter().enumerate() {
+        // A lit colour may be brighter than white; opacity is a part.
+        let is_color = p.rgba.iter().all(|x| x.is_finite() && (0.0..=2.0).contains(x)) && p.rgba[3] <= 1.0;
+        assert!(is_color && p.depth_mm.is_none_or(|d| d.is_finite() && d >= 0.0), "{name}: pixel {i}: {p:?}");
     }
 }
