@@ -121,18 +121,18 @@ fn passed(walk: ptr<function, Walk>, ray: Ray) -> Passage {
 
 // Goes on to just before the end of the empty blocks around the cell that was passed. A walk from there meets the same
 // next planes as one that went cell by cell, so that what follows is the same to the bit.
-fn leap(walk: ptr<function, Walk>, ray: Ray, passage: Passage, reach: u32) {
+fn leap(walk: ptr<function, Walk>, ray: Ray, passage: Passage, size: f32, reach: u32) {
     let p = at(ray, passage.begin_mm);
-    let leap_mm = passage.begin_mm + way_out(p, block_of(passage.cell), i32(reach) - 1, ray.mm_per);
+    let leap_mm = passage.begin_mm + way_out(p, block_of(passage.cell, size), size, i32(reach) - 1, ray.mm_per);
     if (leap_mm > (*walk).at_mm) {
         (*walk).at_mm = leap_mm;
         (*walk).cell = clamp(vec3<i32>(floor(at(ray, leap_mm))), vec3<i32>(-1), vec3<i32>(frame.dims) - 1);
     }
 }
 
-// The block of 8 voxels that knows what a cell holds.
-fn block_of(cell: vec3<i32>) -> vec3<i32> {
-    return clamp(cell / i32(CELL), vec3<i32>(0), vec3<i32>(frame.cells) - 1);
+// The block of `size` voxels a side that knows what a cell holds.
+fn block_of(cell: vec3<i32>, size: f32) -> vec3<i32> {
+    return cell_of(vec3<f32>(max(cell, vec3<i32>(0))), size);
 }
 
 fn corner(i: u32) -> vec3<i32> {
@@ -293,9 +293,9 @@ fn emission_absorption_exact(ray: Ray) -> Pixel {
     while (is_walking(walk, ray) && optical_depth < deepest) {
         let passage = passed(&walk, ray);
         if (SKIP) {
-            let reach = textureLoad(distance_to_seen, block_of(passage.cell), 0).r * frame.skip_empty;
+            let reach = textureLoad(distance_to_seen, block_of(passage.cell, CELL), 0).r * frame.skip_empty;
             if (reach > 0u) {
-                leap(&walk, ray, passage, reach);
+                leap(&walk, ray, passage, CELL, reach);
                 continue;
             }
         }
@@ -413,9 +413,9 @@ fn first_crossing_exact(ray: Ray) -> Pixel {
     while (is_walking(walk, ray)) {
         let passage = passed(&walk, ray);
         if (SKIP) {
-            let reach = textureLoad(distance_to_seen, block_of(passage.cell), 0).r * frame.skip_empty;
+            let reach = textureLoad(distance_to_seen, block_of(passage.cell, CELL), 0).r * frame.skip_empty;
             if (reach > 0u) {
-                leap(&walk, ray, passage, reach);
+                leap(&walk, ray, passage, CELL, reach);
                 continue;
             }
         }
@@ -495,8 +495,8 @@ fn maximum_exact(ray: Ray) -> Pixel {
     while (is_walking(walk, ray)) {
         let passage = passed(&walk, ray);
         if (SKIP) {
-            if (frame.skip_empty != 0u && textureLoad(cell_maximum, block_of(passage.cell), 0).r <= best) {
-                leap(&walk, ray, passage, 1u);
+            if (frame.skip_empty != 0u && textureLoad(cell_maximum, block_of(passage.cell, MAXIMUM_CELL), 0).r <= best) {
+                leap(&walk, ray, passage, MAXIMUM_CELL, 1u);
                 continue;
             }
         }
@@ -521,12 +521,11 @@ fn maximum_exact(ray: Ray) -> Pixel {
 
 @compute @workgroup_size(64)
 fn exact(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) index: u32) {
-    let pixel = group.xy * 8u + pixel_in_group(index);
-    let eye = group.z;
-    if (pixel.x >= frame.render_size.x || pixel.y >= frame.render_size.y) {
+    let own = own_pixel(group, index);
+    if (!own.is_valid) {
         return;
     }
-    let ray = ray_of(eye, pixel);
+    let ray = ray_of(own.eye, own.pixel);
     var out = Pixel(vec3<f32>(0.0), 0.0, 0.0, false);
     if (ray.leave_mm > ray.enter_mm) {
         if (MODE == EMISSION_ABSORPTION) {
@@ -541,5 +540,5 @@ fn exact(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
             out = surface_over(first_crossing_exact(ray), x_ray_exact(ray));
         }
     }
-    store(out, ray, pixel, eye);
+    store(out, ray, own);
 }

@@ -24,10 +24,22 @@ const REFINEMENTS: i32 = 7;
 @group(2) @binding(2) var table_sampler: sampler;
 // Extinction a millimetre, by value: for the one sample that stands for less than a step.
 @group(2) @binding(3) var<storage, read> extinction: array<f32>;
+// Highest value in each cell and a border voxel around it.
+@group(2) @binding(5) var cell_maximum: texture_3d<f32>;
 
 // A layer an eye.
 @group(3) @binding(0) var picture: texture_storage_2d_array<rgba32float, write>;
 @group(3) @binding(1) var depth_mm: texture_storage_2d_array<r32float, write>;
+// A layer an eye: in which chunks of depth a tile may see something.
+@group(3) @binding(2) var masks: texture_2d_array<u32>;
+
+struct Work {
+    groups: vec3<u32>,
+    tile_count: u32,
+    tiles: array<u32>,
+}
+
+@group(3) @binding(3) var<storage, read> work: Work;
 
 // Farther than any volume reaches, in millimetres, and finite.
 const FAR: f32 = 3.0e38;
@@ -42,6 +54,10 @@ struct Ray {
     enter_mm: f32,
     leave_mm: f32,
     eye_distance_mm: f32,
+    // Where the first chunk begins, and how long one is, from the anchor along this ray.
+    chunks_begin_mm: f32,
+    chunk_mm: f32,
+    chunks: vec4<u32>,
 }
 
 struct Pixel {
@@ -79,6 +95,9 @@ fn ray_of(eye: u32, pixel: vec2<u32>) -> Ray {
     let far = select(max(a, b), endless, is_parallel);
     ray.enter_mm = max(max(max(near.x, near.y), near.z), -ray.eye_distance_mm);
     ray.leave_mm = min(min(far.x, far.y), far.z);
+    ray.chunks_begin_mm = (e.near - e.anchor_depth) * mm;
+    ray.chunk_mm = chunk_depth(e) * mm;
+    ray.chunks = textureLoad(masks, pixel / TILE, eye, 0);
     return ray;
 }
 
@@ -117,15 +136,46 @@ fn opacity_of(optical_depth: f32) -> f32 {
     return 1.0 - exp(-optical_depth);
 }
 
-// How many samples from i on, at step_mm from p, lie where nothing is to be seen; 0 if p itself may be seen.
-fn skippable(ray: Ray, p: vec3<f32>) -> u32 {
-    let cell = cell_of(p);
-    let reach = textureLoad(distance_to_seen, cell, 0).r * frame.skip_empty;
-    if (reach == 0u) {
-        return 0u;
+// Samples along a ray, `step` apart; number i may be a fraction.
+struct Lattice {
+    // In voxels.
+    first: vec3<f32>,
+    step: vec3<f32>,
+    // The same as the filter takes them.
+    first_texel: vec3<f32>,
+    step_texel: vec3<f32>,
+    // The chunk c begins at the sample with the number chunk_first + c * chunk_step, or before it.
+    chunk_first: f32,
+    chunk_step: f32,
+}
+
+fn lattice(ray: Ray, first_mm: f32, step_mm: f32) -> Lattice {
+    var l: Lattice;
+    l.first = at(ray, first_mm);
+    l.step = ray.per_mm * step_mm;
+    let per_dim = 1.0 / frame.dims;
+    l.first_texel = (l.first + 0.5) * per_dim;
+    l.step_texel = l.step * per_dim;
+    l.chunk_first = (ray.chunks_begin_mm - first_mm) / step_mm;
+    l.chunk_step = ray.chunk_mm / step_mm;
+    return l;
+}
+
+fn place(l: Lattice, i: f32) -> vec3<f32> {
+    return l.first + i * l.step;
+}
+
+fn sample(l: Lattice, i: f32) -> f32 {
+    if (EXACT_FILTER) {
+        return raw_at(place(l, i));
     }
-    let out = way_out(p, cell, i32(reach) - 1, ray.mm_per);
-    return u32(max(ceil(out / frame.step_mm), 1.0));
+    return textureSampleLevel(voxels, voxel_sampler, l.first_texel + i * l.step_texel, 0.0).r;
+}
+
+// The first sample in or behind a chunk, of `count` that there are.
+fn first_in(l: Lattice, chunk: u32, count: f32) -> f32 {
+    let i = clamp(ceil(l.chunk_first + f32(chunk) * l.chunk_step), 0.0, count);
+    return select(i, count, chunk >= CHUNKS);
 }
 
 // What a ray has gathered on its way.
@@ -133,79 +183,99 @@ struct Gathered {
     color: vec3<f32>,
     // Summed, not taken from a product of transmittances: a thousandth of a fog's step is less than float32 tells from 1.
     opacity: f32,
-    // The step in which half of the light was gone: its beginning and length, transmittance before and after.
-    half_begin_mm: f32,
-    half_length_mm: f32,
+    // The sample at which half of the light was gone, transmittance before it and behind it.
+    half_i: f32,
     half_before: f32,
     half_after: f32,
 }
 
-fn gather(before: Gathered, color: vec3<f32>, opacity: f32, begin_mm: f32, length_mm: f32) -> Gathered {
-    let transmittance = 1.0 - before.opacity;
-    var after = before;
-    after.color += transmittance * opacity * color;
-    after.opacity += transmittance * opacity;
-    if (before.opacity < 0.5 && after.opacity >= 0.5) {
-        after.half_begin_mm = begin_mm;
-        after.half_length_mm = length_mm;
-        after.half_before = transmittance;
-        after.half_after = 1.0 - after.opacity;
-    }
-    return after;
+// Adds matter of `weight` in front of what is behind; colour is added by who knows its light.
+fn gather(sum: ptr<function, Gathered>, weight: f32, i: f32) {
+    let transmittance = 1.0 - (*sum).opacity;
+    let before = (*sum).opacity < 0.5;
+    (*sum).half_i = select((*sum).half_i, i, before);
+    (*sum).half_before = select((*sum).half_before, transmittance, before);
+    (*sum).half_after = select((*sum).half_after, transmittance - weight, before);
+    (*sum).opacity += weight;
 }
 
 // Loops here hold only what every sample needs. A software driver, and a GPU whose rays part ways, runs all of a loop's
 // body for all rays of a group as long as one of them goes on: light, crossings and the last, shorter step stand outside.
 fn emission_absorption(ray: Ray) -> Pixel {
-    var sum = Gathered(vec3<f32>(0.0), 0.0, 0.0, 0.0, 1.0, 1.0);
     let way = ray.leave_mm - ray.enter_mm;
-    let whole = u32(way / frame.step_mm);
-    var i = 0u;
+    let whole = max(floor(way / frame.step_mm), 0.0);
+    let l = lattice(ray, ray.enter_mm + 0.5 * frame.step_mm, frame.step_mm);
+    let enough = 1.0 - frame.least_transmittance;
+    var sum = Gathered(vec3<f32>(0.0), 0.0, 0.0, 1.0, 1.0);
+    var chunk = 0u;
     loop {
-        var seen = vec4<f32>(0.0);
-        var seen_at = vec3<f32>(0.0);
-        var begin = 0.0;
-        loop {
-            if (i >= whole || 1.0 - sum.opacity < frame.least_transmittance) {
-                break;
-            }
-            begin = ray.enter_mm + f32(i) * frame.step_mm;
-            let p = at(ray, begin + 0.5 * frame.step_mm);
-            if (SKIP) {
-                let n = skippable(ray, p);
-                if (n > 0u) {
-                    i += n;
-                    continue;
-                }
-            }
-            i += 1u;
-            let o = optical(raw_at(p));
-            if (o.a > 0.0) {
-                if (LIT) {
-                    seen = o;
-                    seen_at = p;
-                    break;
-                }
-                sum = gather(sum, o.rgb, o.a, begin, frame.step_mm);
-            }
-        }
-        if (!LIT || seen.a <= 0.0) {
+        let run = run_from(ray.chunks, chunk);
+        if (run.x >= CHUNKS || sum.opacity > enough) {
             break;
         }
-        sum = gather(sum, lit(seen.rgb, facing(seen_at, ray.direction_mm)), seen.a, begin, frame.step_mm);
+        chunk = run.y;
+        var i = first_in(l, run.x, whole);
+        let end = first_in(l, run.y, whole);
+        if (LIT) {
+            loop {
+                if (i >= end || sum.opacity > enough) {
+                    break;
+                }
+                // Samples that are lit alike, from the first that is seen.
+                var weight = 0.0;
+                var color = vec3<f32>(0.0);
+                var moment = 0.0;
+                var until = end;
+                loop {
+                    if (i >= until || sum.opacity > enough) {
+                        break;
+                    }
+                    let o = optical(sample(l, i));
+                    let w = (1.0 - sum.opacity) * o.a;
+                    until = select(until, min(i + frame.light_span, end), weight <= 0.0 && w > 0.0);
+                    color += w * o.rgb;
+                    moment += w * i;
+                    weight += w;
+                    gather(&sum, w, i);
+                    i += 1.0;
+                }
+                if (weight > 0.0) {
+                    let cosine = facing(place(l, moment / weight), ray.direction_mm);
+                    sum.color += color * (frame.light.x + frame.light.y * cosine) + weight * mirrored(cosine);
+                }
+            }
+        } else {
+            loop {
+                if (i >= end || sum.opacity > enough) {
+                    break;
+                }
+                // Two at a time: a loop's own work counts here.
+                let a = optical(sample(l, i));
+                let b = optical(sample(l, i + 1.0));
+                let weight_a = (1.0 - sum.opacity) * a.a;
+                sum.color += weight_a * a.rgb;
+                gather(&sum, weight_a, i);
+                let weight_b = (1.0 - sum.opacity) * select(0.0, b.a, i + 1.0 < end && sum.opacity <= enough);
+                sum.color += weight_b * b.rgb;
+                gather(&sum, weight_b, i + 1.0);
+                i += 2.0;
+            }
+        }
     }
     // The last sample stands for what is left of the way: less than a step.
-    let rest_begin = ray.enter_mm + f32(whole) * frame.step_mm;
-    let rest_mm = max(way - f32(whole) * frame.step_mm, 0.0);
-    let p = at(ray, rest_begin + 0.5 * rest_mm);
-    let raw = raw_at(p);
-    let rest_opacity = opacity_of(extinction_per_mm(raw) * rest_mm);
-    if (rest_opacity > 0.0 && 1.0 - sum.opacity >= frame.least_transmittance) {
-        var color = optical(raw).rgb;
+    let part_of_last = max(way / frame.step_mm - whole, 0.0);
+    let last = whole + 0.5 * part_of_last - 0.5;
+    let raw = sample(l, last);
+    let rest_opacity = opacity_of(extinction_per_mm(raw) * part_of_last * frame.step_mm);
+    if (rest_opacity > 0.0 && sum.opacity <= enough) {
+        let weight = (1.0 - sum.opacity) * rest_opacity;
+        let color = optical(raw).rgb;
         if (LIT) {
-            color = lit(color, facing(p, ray.direction_mm));
+            sum.color += weight * lit(color, facing(place(l, last), ray.direction_mm));
+        } else {
+            sum.color += weight * color;
         }
-        sum = gather(sum, color, rest_opacity, rest_begin, rest_mm);
+        gather(&sum, weight, whole);
     }
 
     var out = Pixel(sum.color, sum.opacity, 0.0, sum.opacity >= 0.5);
@@ -213,7 +283,8 @@ fn emission_absorption(ray: Ray) -> Pixel {
         // Within a step light falls exponentially.
         let whole_fall = log(sum.half_before / max(sum.half_after, 1.0e-30));
         let part = clamp(log(2.0 * sum.half_before) / whole_fall, 0.0, 1.0);
-        out.depth_mm = sum.half_begin_mm + part * sum.half_length_mm;
+        let length_mm = select(1.0, part_of_last, sum.half_i >= whole) * frame.step_mm;
+        out.depth_mm = ray.enter_mm + sum.half_i * frame.step_mm + part * length_mm;
     }
     return out;
 }
@@ -222,35 +293,37 @@ fn emission_absorption(ray: Ray) -> Pixel {
 fn first_crossing(ray: Ray) -> Pixel {
     var out = Pixel(vec3<f32>(0.0), 0.0, 0.0, false);
     let way = ray.leave_mm - ray.enter_mm;
-    let last = u32(ceil(way / frame.step_mm));
-    var i = 0u;
-    // The crossing lies between these two samples.
-    var low = ray.enter_mm;
-    var high = ray.enter_mm;
+    // Samples on the lattice; the end of the way, which is not on it, is looked at behind them.
+    let count = max(ceil(way / frame.step_mm), 0.0);
+    let l = lattice(ray, ray.enter_mm, frame.step_mm);
+    var hit = count;
+    var chunk = 0u;
     loop {
-        if (i > last) {
+        let run = run_from(ray.chunks, chunk);
+        if (run.x >= CHUNKS || out.has_depth) {
             break;
         }
-        let t = min(ray.enter_mm + f32(i) * frame.step_mm, ray.leave_mm);
-        let p = at(ray, t);
-        if (SKIP) {
-            let n = skippable(ray, p);
-            if (n > 0u) {
-                // The end of the way is always looked at: it is not on the lattice.
-                i = select(min(i + n, last), last + 1u, i == last);
-                // All samples passed over are below the threshold: the last of them bounds the crossing.
-                low = ray.enter_mm + f32(max(i, 1u) - 1u) * frame.step_mm;
-                continue;
+        chunk = run.y;
+        var i = first_in(l, run.x, count);
+        let end = first_in(l, run.y, count);
+        loop {
+            if (i >= end) {
+                break;
             }
+            if (sample(l, i) * frame.value_scale + frame.value_offset >= frame.threshold) {
+                hit = i;
+                out.has_depth = true;
+                break;
+            }
+            i += 1.0;
         }
-        if (value_at(p) >= frame.threshold) {
-            high = t;
-            out.has_depth = true;
-            break;
-        }
-        low = t;
-        i += 1u;
     }
+    if (!out.has_depth && value_at(at(ray, ray.leave_mm)) >= frame.threshold) {
+        out.has_depth = true;
+    }
+    // The crossing lies between these two samples: the one before is below the threshold, seen or in an empty cell.
+    var low = ray.enter_mm + max(hit - 1.0, 0.0) * frame.step_mm;
+    var high = min(ray.enter_mm + hit * frame.step_mm, ray.leave_mm);
     // Regula falsi with Illinois' halving, kept between the two samples. The condition on has_depth ends the loop at once
     // for groups of rays that meet nothing.
     var below = value_at(at(ray, low)) - frame.threshold;
@@ -291,11 +364,12 @@ fn x_ray(ray: Ray) -> Pixel {
     // Equal steps, no longer than asked for, so that the mean needs no weights.
     let n = max(ceil(way / frame.step_mm), 1.0);
     let step = way / n;
+    let l = lattice(ray, ray.enter_mm + 0.5 * step, step);
     // Two sums: a float32 sum of 100 000 terms alone would lose the digits of each.
     var sum = 0.0;
     var part = 0.0;
     for (var i = 0u; i < u32(n); i += 1u) {
-        part += raw_at(at(ray, ray.enter_mm + (f32(i) + 0.5) * step));
+        part += sample(l, f32(i));
         if ((i & 255u) == 255u) {
             sum += part;
             part = 0.0;
@@ -308,31 +382,51 @@ fn x_ray(ray: Ray) -> Pixel {
 
 fn maximum(ray: Ray) -> Pixel {
     let way = ray.leave_mm - ray.enter_mm;
-    let last = u32(ceil(way / frame.step_mm));
-    var best = value_at(at(ray, ray.enter_mm));
+    let count = max(ceil(way / frame.step_mm), 0.0);
+    let l = lattice(ray, ray.enter_mm, frame.step_mm);
+    let samples_per = ray.mm_per / frame.step_mm;
+    var best = sample(l, 0.0) * frame.value_scale + frame.value_offset;
     var best_mm = ray.enter_mm;
-    var i = 1u;
+    var i = 1.0;
     loop {
-        if (i > last) {
+        // Where a cell holds more than was found.
+        var end = count;
+        if (SKIP) {
+            end = i;
+            loop {
+                if (i >= count) {
+                    break;
+                }
+                let p = place(l, i);
+                let cell = cell_of(p, MAXIMUM_CELL);
+                end = i + max(ceil(way_out(p, cell, MAXIMUM_CELL, 0, samples_per)), 1.0);
+                if (frame.skip_empty == 0u || textureLoad(cell_maximum, cell, 0).r > best) {
+                    break;
+                }
+                i = end;
+            }
+            end = min(end, count);
+        }
+        if (i >= count) {
             break;
         }
-        let t = min(ray.enter_mm + f32(i) * frame.step_mm, ray.leave_mm);
-        let p = at(ray, t);
-        if (SKIP) {
-            let cell = cell_of(p);
-            if (frame.skip_empty != 0u && textureLoad(cell_maximum, cell, 0).r <= best) {
-                let out = way_out(p, cell, 0, ray.mm_per);
-                let n = u32(max(ceil(out / frame.step_mm), 1.0));
-                i = select(min(i + n, last), last + 1u, i == last);
-                continue;
+        loop {
+            if (i >= end) {
+                break;
             }
+            let value = sample(l, i) * frame.value_scale + frame.value_offset;
+            if (value > best) {
+                best = value;
+                best_mm = ray.enter_mm + i * frame.step_mm;
+            }
+            i += 1.0;
         }
-        let value = value_at(p);
-        if (value > best) {
-            best = value;
-            best_mm = t;
-        }
-        i += 1u;
+    }
+    // The end of the way is not on the lattice.
+    let at_end = value_at(at(ray, ray.leave_mm));
+    if (at_end > best) {
+        best = at_end;
+        best_mm = ray.leave_mm;
     }
     // The table's opacity is that of the transfer function itself in this mode.
     let raw = (best - frame.value_offset) / frame.value_scale;
@@ -351,21 +445,33 @@ fn surface_over(front: Pixel, behind: Pixel) -> Pixel {
     return out;
 }
 
-// The 64 invocations of a group as 8 blocks of 4 by 2 pixels: what runs in step looks at neighbouring rays.
-fn pixel_in_group(index: u32) -> vec2<u32> {
+// The pixel that an invocation casts the ray of.
+struct Own {
+    pixel: vec2<u32>,
+    eye: u32,
+    // Whether there is such a pixel.
+    is_valid: bool,
+}
+
+// A workgroup casts a listed tile: its 64 invocations are 8 blocks of 4 by 2 pixels, so that what runs in step looks at
+// neighbouring rays.
+fn own_pixel(group: vec3<u32>, index: u32) -> Own {
+    let listed = group.y * TILES_A_ROW + group.x;
+    let number = work.tiles[min(listed, work.tile_count - 1u)];
     let block = index >> 3u;
     let inside = index & 7u;
-    return vec2<u32>((block & 1u) * 4u + (inside & 3u), (block >> 1u) * 2u + (inside >> 2u));
+    let in_tile = vec2<u32>((block & 1u) * 4u + (inside & 3u), (block >> 1u) * 2u + (inside >> 2u));
+    let pixel = tile_of(number) * TILE + in_tile;
+    return Own(pixel, tile_eye(number), listed < work.tile_count && all(pixel < frame.render_size));
 }
 
 @compute @workgroup_size(64)
 fn raycast(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) index: u32) {
-    let pixel = group.xy * 8u + pixel_in_group(index);
-    let eye = group.z;
-    if (pixel.x >= frame.render_size.x || pixel.y >= frame.render_size.y) {
+    let own = own_pixel(group, index);
+    if (!own.is_valid) {
         return;
     }
-    let ray = ray_of(eye, pixel);
+    let ray = ray_of(own.eye, own.pixel);
     var out = Pixel(vec3<f32>(0.0), 0.0, 0.0, false);
     if (ray.leave_mm > ray.enter_mm) {
         if (MODE == EMISSION_ABSORPTION) {
@@ -380,11 +486,11 @@ fn raycast(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
             out = surface_over(first_crossing(ray), x_ray(ray));
         }
     }
-    store(out, ray, pixel, eye);
+    store(out, ray, own);
 }
 
-fn store(out: Pixel, ray: Ray, pixel: vec2<u32>, eye: u32) {
+fn store(out: Pixel, ray: Ray, own: Own) {
     let depth = select(0.0, max(out.depth_mm + ray.eye_distance_mm, 1.0e-30), out.has_depth);
-    textureStore(picture, pixel, eye, vec4<f32>(out.color, out.opacity));
-    textureStore(depth_mm, pixel, eye, vec4<f32>(depth, 0.0, 0.0, 0.0));
+    textureStore(picture, own.pixel, own.eye, vec4<f32>(out.color, out.opacity));
+    textureStore(depth_mm, own.pixel, own.eye, vec4<f32>(depth, 0.0, 0.0, 0.0));
 }

@@ -5,10 +5,11 @@ override EXACT_FILTER: bool = false;
 
 @group(1) @binding(0) var voxels: texture_3d<f32>;
 @group(1) @binding(1) var voxel_sampler: sampler;
-// Highest value in each cell of 8 voxels and a border voxel.
-@group(1) @binding(2) var cell_maximum: texture_3d<f32>;
 
-const CELL: f32 = 8.0;
+// Voxels along a side of a cell that knows whether something is seen, and of one that knows its maximum: a ray looks these
+// up one by one, so that they are larger.
+const CELL: f32 = 4.0;
+const MAXIMUM_CELL: f32 = 8.0;
 // How near the border of a cell, in voxels, a sample is held to be outside: more than float32 can err by.
 const CELL_MARGIN: f32 = 1.0e-3;
 
@@ -62,22 +63,28 @@ fn cosine_of(g: vec3<f32>, direction_mm: vec3<f32>) -> f32 {
     return min(abs(dot(n, direction_mm)) * inverseSqrt(length_squared), 1.0);
 }
 
-fn lit(color: vec3<f32>, cosine: f32) -> vec3<f32> {
-    var mirrored = 0.0;
+// The highlight.
+fn mirrored(cosine: f32) -> vec3<f32> {
     if (cosine > 0.0) {
-        mirrored = frame.light.z * pow(cosine, frame.light.w);
+        return vec3<f32>(frame.light.z * pow(cosine, frame.light.w));
     }
-    return color * (frame.light.x + frame.light.y * cosine) + vec3<f32>(mirrored);
+    return vec3<f32>(0.0);
 }
 
-fn cell_of(p: vec3<f32>) -> vec3<i32> {
-    return clamp(vec3<i32>(floor(p / CELL)), vec3<i32>(0), vec3<i32>(frame.cells) - 1);
+fn lit(color: vec3<f32>, cosine: f32) -> vec3<f32> {
+    return color * (frame.light.x + frame.light.y * cosine) + mirrored(cosine);
+}
+
+// The cell of `size` voxels a side that a point lies in.
+fn cell_of(p: vec3<f32>, size: f32) -> vec3<i32> {
+    let last = vec3<i32>((frame.dims - 1.0) / size);
+    return clamp(vec3<i32>(floor(p / size)), vec3<i32>(0), last);
 }
 
 // Millimetres from p along the ray to where it leaves the block of cells within `reach` of `cell`.
-fn way_out(p: vec3<f32>, cell: vec3<i32>, reach: i32, mm_per: vec3<f32>) -> f32 {
-    let low = vec3<f32>(cell - reach) * CELL + CELL_MARGIN;
-    let high = vec3<f32>(cell + reach + 1) * CELL - CELL_MARGIN;
+fn way_out(p: vec3<f32>, cell: vec3<i32>, size: f32, reach: i32, mm_per: vec3<f32>) -> f32 {
+    let low = vec3<f32>(cell - reach) * size + CELL_MARGIN;
+    let high = vec3<f32>(cell + reach + 1) * size - CELL_MARGIN;
     // The reciprocal's sign: a direction of 0 has one, held apart from 0 as the reciprocal is.
     let ahead = select(low, high, mm_per > vec3<f32>(0.0));
     let away = (ahead - p) * mm_per;

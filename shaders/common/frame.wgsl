@@ -9,7 +9,10 @@ struct Eye {
     anchor: vec3<f32>,
     anchor_depth: f32,
     ray: vec3<f32>,
+    // Nearest and farthest depth of the volume, in the anchor's measure: 1 is as far as `ray` is long.
+    near: f32,
     ray_dx: vec3<f32>,
+    far: f32,
     ray_dy: vec3<f32>,
     // The same direction in millimetres.
     ray_mm: vec3<f32>,
@@ -53,6 +56,8 @@ struct Frame {
     room_mm_per_volume_mm: f32,
     depth_columns: u32,
     depth_rows: u32,
+    // Samples that are lit alike from the first of them on: 1 for each by itself.
+    light_span: f32,
     // 1, or 0 to look at every sample although cells are empty: the same pipeline, so that the same bits come out.
     skip_empty: u32,
     // Of an integer format: numbers its range has, less 1, and what is added to them; 0, 0 of floats. Then slope and

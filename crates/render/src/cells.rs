@@ -1,56 +1,116 @@
-//! Cells of 8 voxels: what values they hold, and how far it is to one that can be seen.
+//! Cells of 4 voxels: what values they hold, and how far it is to one that can be seen.
 
 use rayon::prelude::*;
 use volume::{Channel, Voxels};
 
 /// Voxels along each side of a cell. The shader has the same number; a test compares them.
-pub(crate) const CELL: usize = 8;
+pub(crate) const CELL: usize = 4;
+/// Cells along each side of a larger one that knows its highest value; the shader has the product.
+const CELLS_A_MAXIMUM: usize = 2;
+/// The farthest distance that is told apart, in cells. A ray that leaps as far looks again there.
+const FARTHEST: u8 = 16;
 
 /// Lowest and highest value of each cell and a border voxel around it.
 #[derive(Clone, Debug)]
 pub(crate) struct CellRanges {
     /// Cells along x, y, z.
     pub(crate) dims: [usize; 3],
-    /// Lowest and highest value (after slope and intercept), x fastest.
-    pub(crate) ranges: Vec<[f32; 2]>,
+    stored: Stored,
+    slope: f64,
+    intercept: f64,
+    /// How far outside of its voxels, in stored units, the filter's values may lie.
+    slack: f64,
+}
+
+/// Lowest and highest stored number of each cell, x fastest, as small as the voxels are.
+#[derive(Clone, Debug)]
+enum Stored {
+    U8(Vec<[u8; 2]>),
+    I16(Vec<[i16; 2]>),
+    U16(Vec<[u16; 2]>),
+    F32(Vec<[f32; 2]>),
 }
 
 impl CellRanges {
     /// Reads every voxel once, on all cores. What the filter gives between voxels may lie `slack` stored units outside
     /// of what they hold: each range is wider by that.
     pub(crate) fn of(channel: &Channel, voxel_dims: [u32; 3], slack: f64) -> Self {
-        let scale = |[low, high]: [f64; 2]| {
-            let value = |stored: f64| channel.slope * stored + channel.intercept;
-            let (a, b) = (value(low - slack), value(high + slack));
-            // Rounded outwards: a cell never claims less than it holds.
-            [(a.min(b) as f32).next_down(), (a.max(b) as f32).next_up()]
+        let stored = match &channel.voxels {
+            Voxels::U8(v) => Stored::U8(ranges(v, voxel_dims)),
+            Voxels::I16(v) => Stored::I16(ranges(v, voxel_dims)),
+            Voxels::U16(v) => Stored::U16(ranges(v, voxel_dims)),
+            Voxels::F32(v) => Stored::F32(ranges(v, voxel_dims)),
         };
-        match &channel.voxels {
-            Voxels::U8(v) => ranges(v, voxel_dims, f64::from, scale),
-            Voxels::I16(v) => ranges(v, voxel_dims, f64::from, scale),
-            Voxels::U16(v) => ranges(v, voxel_dims, f64::from, scale),
-            Voxels::F32(v) => ranges(v, voxel_dims, f64::from, scale),
-        }
+        let dims = voxel_dims.map(|d| (d as usize).div_ceil(CELL));
+        Self { dims, stored, slope: channel.slope, intercept: channel.intercept, slack }
     }
 
     /// The lowest and the highest value of all.
     pub(crate) fn whole(&self) -> [f32; 2] {
-        self.ranges.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |a, r| [a[0].min(r[0]), a[1].max(r[1])])
+        let widest = |a: [f32; 2], b: [f32; 2]| [a[0].min(b[0]), a[1].max(b[1])];
+        self.map(|r| r).into_par_iter().reduce(|| [f32::INFINITY, f32::NEG_INFINITY], widest)
     }
 
-    /// For each cell the number of cells (Chebyshev) to the nearest one whose range is seen; 0 for such a cell itself.
-    pub(crate) fn distance_to_seen(&self, is_seen: impl Fn([f32; 2]) -> bool + Sync) -> Vec<u32> {
-        let seen: Vec<bool> = self.ranges.par_iter().map(|&r| is_seen(r)).collect();
-        chebyshev(&seen, self.dims)
+    /// Something of the range of each cell (values after slope and intercept), x fastest.
+    pub(crate) fn map<T: Send>(&self, of: impl Fn([f32; 2]) -> T + Sync) -> Vec<T> {
+        let scale = |[low, high]: [f64; 2]| {
+            let value = |stored: f64| self.slope * stored + self.intercept;
+            let (a, b) = (value(low - self.slack), value(high + self.slack));
+            // Rounded outwards: a cell never claims less than it holds.
+            of([(a.min(b) as f32).next_down(), (a.max(b) as f32).next_up()])
+        };
+        match &self.stored {
+            Stored::U8(r) => r.par_iter().map(|r| scale(r.map(f64::from))).collect(),
+            Stored::I16(r) => r.par_iter().map(|r| scale(r.map(f64::from))).collect(),
+            Stored::U16(r) => r.par_iter().map(|r| scale(r.map(f64::from))).collect(),
+            Stored::F32(r) => r.par_iter().map(|r| scale(r.map(f64::from))).collect(),
+        }
+    }
+
+    /// The highest value of each larger cell, and how many of them there are along x, y, z.
+    pub(crate) fn maxima(&self) -> (Vec<f32>, [usize; 3]) {
+        let highest = self.map(|r| r[1]);
+        let [nx, ny, nz] = self.dims;
+        let dims = self.dims.map(|d| d.div_ceil(CELLS_A_MAXIMUM));
+        let span = |cell: usize, n: usize| cell * CELLS_A_MAXIMUM..((cell + 1) * CELLS_A_MAXIMUM).min(n);
+        let mut maxima = Vec::with_capacity(dims.iter().product());
+        for z in 0..dims[2] {
+            for y in 0..dims[1] {
+                for x in 0..dims[0] {
+                    let mut maximum = f32::NEG_INFINITY;
+                    for z in span(z, nz) {
+                        for y in span(y, ny) {
+                            for &h in &highest[(z * ny + y) * nx..][span(x, nx)] {
+                                maximum = maximum.max(h);
+                            }
+                        }
+                    }
+                    maxima.push(maximum);
+                }
+            }
+        }
+        (maxima, dims)
+    }
+
+    /// For each cell the number of cells (Chebyshev) to the nearest one whose range is seen, at most [`FARTHEST`]; 0 for
+    /// such a cell itself.
+    pub(crate) fn distance_to_seen(&self, is_seen: impl Fn([f32; 2]) -> bool + Sync) -> Vec<u8> {
+        chebyshev(&self.map(is_seen), self.dims)
+    }
+
+    /// Bytes held.
+    #[cfg(test)]
+    pub(crate) fn bytes(&self) -> usize {
+        match &self.stored {
+            Stored::U8(r) => size_of_val(r.as_slice()),
+            Stored::I16(r) => size_of_val(r.as_slice()),
+            Stored::U16(r) => size_of_val(r.as_slice()),
+            Stored::F32(r) => size_of_val(r.as_slice()),
+        }
     }
 }
 
-fn ranges<T: Copy + PartialOrd + Send + Sync>(
-    voxels: &[T],
-    dims: [u32; 3],
-    number: impl Fn(T) -> f64 + Sync,
-    scale: impl Fn([f64; 2]) -> [f32; 2] + Sync,
-) -> CellRanges {
+fn ranges<T: Copy + PartialOrd + Send + Sync>(voxels: &[T], dims: [u32; 3]) -> Vec<[T; 2]> {
     let dims = dims.map(|d| d as usize);
     let cells = dims.map(|d| d.div_ceil(CELL));
     let [nx, ny, _] = dims;
@@ -58,81 +118,134 @@ fn ranges<T: Copy + PartialOrd + Send + Sync>(
         |a: [T; 2], b: [T; 2]| [if b[0] < a[0] { b[0] } else { a[0] }, if b[1] > a[1] { b[1] } else { a[1] }];
     // The voxels of a cell with its border, along one axis.
     let span = |cell: usize, n: usize| (cell * CELL).saturating_sub(1)..((cell + 1) * CELL + 1).min(n);
-    let ranges = (0..cells[2])
+    (0..cells[2])
         .into_par_iter()
         .flat_map_iter(|cz| {
-            // First over z and y into columns, then over x: each voxel of the slab is read at most 1.25² times.
+            // First over z into a slice, then over y into rows, then over x.
+            let mut slice: Vec<[T; 2]> = Vec::new();
+            for z in span(cz, dims[2]) {
+                let layer = &voxels[z * ny * nx..][..ny * nx];
+                if slice.is_empty() {
+                    slice.extend(layer.iter().map(|&v| [v, v]));
+                } else {
+                    for (range, &v) in slice.iter_mut().zip(layer) {
+                        *range = pick(*range, [v, v]);
+                    }
+                }
+            }
             let mut slab = Vec::with_capacity(cells[0] * cells[1]);
+            let mut columns: Vec<[T; 2]> = Vec::with_capacity(nx);
             for cy in 0..cells[1] {
-                let mut columns: Vec<[T; 2]> = Vec::new();
-                for z in span(cz, dims[2]) {
-                    for y in span(cy, ny) {
-                        let row = &voxels[(z * ny + y) * nx..][..nx];
-                        if columns.is_empty() {
-                            columns.extend(row.iter().map(|&v| [v, v]));
-                        } else {
-                            for (column, &v) in columns.iter_mut().zip(row) {
-                                *column = pick(*column, [v, v]);
-                            }
+                columns.clear();
+                for y in span(cy, ny) {
+                    let row = &slice[y * nx..][..nx];
+                    if columns.is_empty() {
+                        columns.extend_from_slice(row);
+                    } else {
+                        for (column, &range) in columns.iter_mut().zip(row) {
+                            *column = pick(*column, range);
                         }
                     }
                 }
                 for cx in 0..cells[0] {
                     let inside = &columns[span(cx, nx)];
-                    let range = inside[1..].iter().fold(inside[0], |a, &b| pick(a, b));
-                    slab.push(scale(range.map(&number)));
+                    slab.push(inside[1..].iter().fold(inside[0], |a, &b| pick(a, b)));
                 }
             }
             slab
         })
-        .collect();
-    CellRanges { dims: cells, ranges }
+        .collect()
 }
 
-/// Chebyshev distance in cells to the nearest cell that is set, in three separable passes: along an axis the distance is
-/// the least over all cells of max(distance so far, steps along the axis). Where nothing is set, the longest axis.
-fn chebyshev(seen: &[bool], dims: [usize; 3]) -> Vec<u32> {
-    let far = dims.into_iter().max().unwrap_or(1) as u32;
-    let mut distance: Vec<u32> = seen.iter().map(|&s| if s { 0 } else { far }).collect();
-    // A chamfer of all 26 neighbours, forth and back, is exact for this metric.
-    let [nx, ny, nz] = dims;
-    let at = |x: usize, y: usize, z: usize| (z * ny + y) * nx + x;
-    let relax = |distance: &mut [u32], x: usize, y: usize, z: usize, forth: bool| {
-        let here = at(x, y, z);
-        let mut least = distance[here];
-        if least == 0 {
-            return;
-        }
-        for dz in -1isize..=1 {
-            for dy in -1isize..=1 {
-                for dx in -1isize..=1 {
-                    let before = (dz, dy, dx) < (0, 0, 0);
-                    if (dz, dy, dx) == (0, 0, 0) || before != forth {
-                        continue;
-                    }
-                    let (x, y, z) = (x as isize + dx, y as isize + dy, z as isize + dz);
-                    if x < 0 || y < 0 || z < 0 || x >= nx as isize || y >= ny as isize || z >= nz as isize {
-                        continue;
-                    }
-                    least = least.min(distance[at(x as usize, y as usize, z as usize)] + 1);
-                }
-            }
-        }
-        distance[here] = least;
-    };
-    for z in 0..nz {
-        for y in 0..ny {
-            for x in 0..nx {
-                relax(&mut distance, x, y, z, true);
-            }
-        }
+/// Cells of a grid as bits, 64 of a row in a word, so that all of a word's neighbours are set in a few operations.
+#[derive(Clone, Debug)]
+struct Bits {
+    words: Vec<u64>,
+    words_a_row: usize,
+    rows: [usize; 2],
+}
+
+impl Bits {
+    fn of(set: &[bool], [nx, ny, nz]: [usize; 3]) -> Self {
+        let words_a_row = nx.div_ceil(64);
+        let word = |bits: &[bool]| bits.iter().rev().fold(0, |word, &bit| word << 1 | u64::from(bit));
+        let words = set.par_chunks(nx).flat_map_iter(|row| row.chunks(64).map(word)).collect();
+        Self { words, words_a_row, rows: [ny, nz] }
     }
-    for z in (0..nz).rev() {
-        for y in (0..ny).rev() {
-            for x in (0..nx).rev() {
-                relax(&mut distance, x, y, z, false);
+
+    /// The same with all 26 neighbours of what is set, in one pass an axis. Bits behind a row's end mean nothing.
+    fn grown(&self) -> Self {
+        let n = self.words_a_row;
+        let along_x: Vec<u64> = self
+            .words
+            .par_chunks(n)
+            .flat_map_iter(|row| {
+                (0..n).map(move |i| {
+                    let before = if i > 0 { row[i - 1] >> 63 } else { 0 };
+                    let after = if i + 1 < n { row[i + 1] << 63 } else { 0 };
+                    row[i] | row[i] << 1 | row[i] >> 1 | before | after
+                })
+            })
+            .collect();
+        let [ny, nz] = self.rows;
+        let along_y = neighbours(&along_x, n, ny);
+        let words = neighbours(&along_y, n * ny, nz);
+        Self { words, ..*self }
+    }
+}
+
+/// Each block of `length` words with the one before it and the one behind it, within each group of `count` blocks.
+fn neighbours(words: &[u64], length: usize, count: usize) -> Vec<u64> {
+    let block = |group: &[u64], i: usize, word: usize| group[i * length + word];
+    let mut out = vec![0; words.len()];
+    out.par_chunks_mut(length).enumerate().for_each(|(at, out)| {
+        let (group, i) = (&words[at / count * count * length..][..count * length], at % count);
+        for (word, out) in out.iter_mut().enumerate() {
+            *out = block(group, i, word);
+            if i > 0 {
+                *out |= block(group, i - 1, word);
+            }
+            if i + 1 < count {
+                *out |= block(group, i + 1, word);
             }
         }
+    });
+    out
+}
+
+/// Chebyshev distance in cells to the nearest cell that is set, at most [`FARTHEST`]: what is set grows by a cell at a
+/// time, and a cell's distance is when it is reached.
+fn chebyshev(seen: &[bool], dims: [usize; 3]) -> Vec<u8> {
+    let nx = dims[0];
+    let mut reached = Bits::of(seen, dims);
+    let mut distance: Vec<u8> = seen.par_iter().map(|&s| if s { 0 } else { FARTHEST }).collect();
+    for step in 1..FARTHEST {
+        let grown = reached.grown();
+        let n = reached.words_a_row;
+        let rows = reached.words.par_chunks(n).zip(grown.words.par_chunks(n));
+        let met: usize = distance
+            .par_chunks_mut(nx)
+            .zip(rows)
+            .map(|(distance, (before, after))| {
+                let mut met = 0;
+                for (word, (&before, &after)) in before.iter().zip(after).enumerate() {
+                    let mut new = after & !before;
+                    while new != 0 {
+                        let x = word * 64 + new.trailing_zeros() as usize;
+                        if x < nx {
+                            distance[x] = step;
+                            met += 1;
+                        }
+                        new &= new - 1;
+                    }
+                }
+                met
+            })
+            .sum();
+        if met == 0 {
+            break;
+        }
+        reached = grown;
     }
     distance
 }
@@ -154,25 +267,26 @@ mod tests {
 
     #[test]
     fn a_cell_knows_its_border_voxel() {
-        // 17 voxels along x: three cells. A lone voxel at 7 is the last of cell 0 and borders cell 1.
-        let mut v = vec![0u8; 17];
-        v[7] = 200;
-        let cells = CellRanges::of(&channel(v, 1.0), [17, 1, 1], 0.0);
-        assert_eq!(cells.dims, [3, 1, 1]);
-        let highest: Vec<bool> = cells.ranges.iter().map(|r| r[1] >= 200.0).collect();
-        assert_eq!(highest, [true, true, false]);
+        // Three cells and a voxel. A lone voxel at the end of cell 0 borders cell 1.
+        let n = 3 * CELL + 1;
+        let mut v = vec![0u8; n];
+        v[CELL - 1] = 200;
+        let cells = CellRanges::of(&channel(v, 1.0), [n as u32, 1, 1], 0.0);
+        assert_eq!(cells.dims, [4, 1, 1]);
+        assert_eq!(cells.map(|r| r[1] >= 200.0), [true, true, false, false]);
     }
 
     #[test]
     fn a_negative_slope_swaps_low_and_high() {
         let cells = CellRanges::of(&channel(vec![0, 10], -2.0), [2, 1, 1], 0.0);
-        assert!(cells.ranges[0][0] <= -20.0 && cells.ranges[0][1] >= 0.0);
+        let range = cells.map(|r| r)[0];
+        assert!(range[0] <= -20.0 && range[1] >= 0.0);
     }
 
     #[test]
     fn slack_widens_a_range_both_ways() {
         let cells = CellRanges::of(&channel(vec![3, 10], 2.0), [2, 1, 1], 1.0);
-        assert_eq!(cells.ranges[0], [4f32.next_down(), 22f32.next_up()]);
+        assert_eq!(cells.map(|r| r)[0], [4f32.next_down(), 22f32.next_up()]);
     }
 
     #[test]
@@ -186,7 +300,7 @@ mod tests {
             })
             .collect();
         let cells = CellRanges::of(&channel(voxels.clone(), 1.0), dims.map(|d| d as u32), 0.0);
-        for (index, range) in cells.ranges.iter().enumerate() {
+        for (index, range) in cells.map(|r| r).iter().enumerate() {
             let c = [
                 index % cells.dims[0],
                 index / cells.dims[0] % cells.dims[1],
@@ -211,22 +325,45 @@ mod tests {
 
     #[test]
     fn distances_equal_those_of_a_plain_search() {
-        let dims = [7, 5, 6];
-        let seen: Vec<bool> = (0..dims.iter().product::<usize>()).map(|i| i % 53 == 5).collect();
-        let place = |i: usize| [i % dims[0], i / dims[0] % dims[1], i / dims[0] / dims[1]];
-        let found = chebyshev(&seen, dims);
-        for (i, &d) in found.iter().enumerate() {
-            let nearest = (0..seen.len())
-                .filter(|&j| seen[j])
-                .map(|j| place(i).iter().zip(place(j)).map(|(&a, b)| a.abs_diff(b)).max().unwrap())
-                .min()
-                .unwrap();
-            assert_eq!(d as usize, nearest, "cell {:?}", place(i));
+        // Rows of one word and of three, and a cell farther than is told apart.
+        for (dims, every) in [([7, 5, 6], 53), ([150, 3, 4], 331), ([2, 40, 3], 1000)] {
+            let seen: Vec<bool> = (0..dims.iter().product::<usize>()).map(|i| i % every == 5).collect();
+            let place = |i: usize| [i % dims[0], i / dims[0] % dims[1], i / dims[0] / dims[1]];
+            for (i, &d) in chebyshev(&seen, dims).iter().enumerate() {
+                let nearest = (0..seen.len())
+                    .filter(|&j| seen[j])
+                    .map(|j| place(i).iter().zip(place(j)).map(|(&a, b)| a.abs_diff(b)).max().unwrap())
+                    .min()
+                    .unwrap();
+                assert_eq!(usize::from(d), nearest.min(usize::from(FARTHEST)), "cell {:?}", place(i));
+            }
         }
+        assert!(chebyshev(&[false; 12], [3, 2, 2]).iter().all(|&d| d == FARTHEST));
+    }
+
+    #[test]
+    fn a_larger_cell_has_the_highest_of_its_cells() {
+        // Three cells and a voxel along x, five voxels along y: the larger cells are two by one.
+        let n = 3 * CELL + 1;
+        let mut v = vec![1u8; n * 5];
+        v[4 * n + 2 * CELL + 1] = 90;
+        let cells = CellRanges::of(&channel(v, 2.0), [n as u32, 5, 1], 0.0);
+        assert_eq!(cells.maxima(), (vec![2f32.next_up(), 180f32.next_up()], [2, 1, 1]));
+    }
+
+    #[test]
+    fn ranges_take_a_thirtieth_of_what_the_voxels_do() {
+        let voxels = 40usize.pow(3);
+        let cells = CellRanges::of(&channel(vec![0; voxels], 1.0), [40; 3], 0.0);
+        assert!(cells.bytes() * 30 < voxels);
     }
 
     #[test]
     fn the_shader_has_the_same_cells() {
-        assert!(crate::shaders::RAYCAST.contains(&format!("const CELL: f32 = {CELL}.0;")));
+        let size = |name: &str, voxels: usize| {
+            assert!(crate::shaders::RAYCAST.contains(&format!("const {name}: f32 = {voxels}.0;")), "{name}");
+        };
+        size("CELL", CELL);
+        size("MAXIMUM_CELL", CELL * CELLS_A_MAXIMUM);
     }
 }

@@ -9,9 +9,9 @@ pub(crate) struct GpuEye {
     pub(crate) anchor: [f32; 3],
     pub(crate) anchor_depth: f32,
     pub(crate) ray: [f32; 3],
-    pub(crate) pad_0: u32,
+    pub(crate) near: f32,
     pub(crate) ray_dx: [f32; 3],
-    pub(crate) pad_1: u32,
+    pub(crate) far: f32,
     pub(crate) ray_dy: [f32; 3],
     pub(crate) pad_2: u32,
     pub(crate) ray_mm: [f32; 3],
@@ -52,8 +52,9 @@ pub(crate) struct GpuFrame {
     pub(crate) room_mm_per_volume_mm: f32,
     pub(crate) depth_columns: u32,
     pub(crate) depth_rows: u32,
+    pub(crate) light_span: f32,
     pub(crate) skip_empty: u32,
-    pub(crate) pad: [u32; 3],
+    pub(crate) pad: [u32; 2],
     pub(crate) stored: [f32; 4],
 }
 
@@ -90,7 +91,7 @@ mod tests {
 
     #[test]
     fn eye_lies_in_memory_as_the_shader_reads_it() {
-        let rust = members!(GpuEye: anchor, anchor_depth, ray, ray_dx, ray_dy, ray_mm, ray_dx_mm, ray_dy_mm);
+        let rust = members!(GpuEye: anchor, anchor_depth, ray, near, ray_dx, far, ray_dy, ray_mm, ray_dx_mm, ray_dy_mm);
         assert_eq!(wgsl_struct("Eye"), (rust, size_of::<GpuEye>() as u32));
     }
 
@@ -99,7 +100,7 @@ mod tests {
         let rust = members!(GpuFrame: eyes, render_size, output_size, luma_stride, eye_count, step_mm,
             least_transmittance, dims, value_scale, cells, value_offset, gradient_x, table_scale, gradient_y,
             table_offset, gradient_z, threshold, light, surface_color, surface_opacity, background, window_low,
-            window_per_value, room_mm_per_volume_mm, depth_columns, depth_rows, skip_empty, stored);
+            window_per_value, room_mm_per_volume_mm, depth_columns, depth_rows, light_span, skip_empty, stored);
         assert_eq!(wgsl_struct("Frame"), (rust, size_of::<GpuFrame>() as u32));
     }
 

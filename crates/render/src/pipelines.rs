@@ -10,6 +10,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Colour multiplied by opacity, and opacity.
 pub(crate) const PICTURE_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
+/// A bit for each chunk of depth.
+pub(crate) const MASK_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
 /// Depth in millimetres.
 pub(crate) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R32Float;
 
@@ -36,6 +38,11 @@ impl Features {
         }
     }
 
+    /// Whether a tile's rays share what they skip; the maximum skips by what each ray has found so far.
+    fn skips_by_tile(self) -> bool {
+        self.skip && self.mode != Mode::Maximum
+    }
+
     /// The mode's number in the shader.
     fn mode_number(self) -> f64 {
         match self.mode {
@@ -48,12 +55,22 @@ impl Features {
     }
 }
 
+/// The two passes of a ray-cast.
+#[derive(Debug)]
+pub(crate) struct RaycastPipelines {
+    /// Finds the tiles that may see something.
+    pub(crate) tiles: wgpu::ComputePipeline,
+    /// Casts their rays.
+    pub(crate) cast: wgpu::ComputePipeline,
+}
+
 /// Shader modules, layouts, and the pipelines made so far.
 #[derive(Debug)]
 pub(crate) struct Pipelines {
     pub(crate) frame_layout: wgpu::BindGroupLayout,
     pub(crate) volume_layout: wgpu::BindGroupLayout,
     pub(crate) scene_layout: wgpu::BindGroupLayout,
+    pub(crate) tiles_layout: wgpu::BindGroupLayout,
     pub(crate) picture_layout: wgpu::BindGroupLayout,
     pub(crate) convert_layout: wgpu::BindGroupLayout,
     pub(crate) depth_layout: wgpu::BindGroupLayout,
@@ -62,7 +79,9 @@ pub(crate) struct Pipelines {
     pub(crate) depth: wgpu::ComputePipeline,
     raycast_module: wgpu::ShaderModule,
     raycast_layout: wgpu::PipelineLayout,
-    raycast: Mutex<HashMap<Features, Arc<wgpu::ComputePipeline>>>,
+    tiles_module: wgpu::ShaderModule,
+    tiles_pipeline_layout: wgpu::PipelineLayout,
+    raycast: Mutex<HashMap<Features, Arc<RaycastPipelines>>>,
 }
 
 impl Pipelines {
@@ -98,8 +117,8 @@ impl Pipelines {
         let cells = texture(wgpu::TextureSampleType::Uint, wgpu::TextureViewDimension::D3);
         let sampler = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
         let frame_layout = layout("frame", &[uniform]);
-        let volume_layout = layout("volume", &[voxels, sampler, voxels]);
-        let scene_layout = layout("scene", &[cells, table, sampler, read, read]);
+        let volume_layout = layout("volume", &[voxels, sampler]);
+        let scene_layout = layout("scene", &[cells, table, sampler, read, read, voxels]);
         let layers = wgpu::TextureViewDimension::D2Array;
         let written = |format| wgpu::BindingType::StorageTexture {
             access: wgpu::StorageTextureAccess::WriteOnly,
@@ -107,7 +126,11 @@ impl Pipelines {
             view_dimension: layers,
         };
         let picture = texture(filtered, layers);
-        let picture_layout = layout("picture", &[written(PICTURE_FORMAT), written(DEPTH_FORMAT)]);
+        let masks = texture(wgpu::TextureSampleType::Uint, layers);
+        let tiles_layout =
+            layout("tiles", &[written(MASK_FORMAT), write, written(PICTURE_FORMAT), written(DEPTH_FORMAT)]);
+        let picture_layout =
+            layout("picture", &[written(PICTURE_FORMAT), written(DEPTH_FORMAT), masks, read]);
         let convert_layout = layout("convert", &[picture, sampler, write]);
         let depth_layout = layout("depth", &[picture, picture, write]);
 
@@ -127,6 +150,8 @@ impl Pipelines {
         };
         let raycast_layout =
             pipeline_layout("raycast", &[&frame_layout, &volume_layout, &scene_layout, &picture_layout]);
+        let tiles_pipeline_layout =
+            pipeline_layout("tiles", &[&frame_layout, &volume_layout, &scene_layout, &tiles_layout]);
         let convert_pipeline_layout = pipeline_layout("convert", &[&frame_layout, &convert_layout]);
         let depth_pipeline_layout = pipeline_layout("depth", &[&frame_layout, &depth_layout]);
         let convert_module = module("convert", shaders::CONVERT);
@@ -140,10 +165,13 @@ impl Pipelines {
             depth: make(device, &depth_module, &depth_pipeline_layout, "reduce", &[]),
             raycast_module: module("raycast", shaders::RAYCAST),
             raycast_layout,
+            tiles_module: module("tiles", shaders::TILES),
+            tiles_pipeline_layout,
             raycast: Mutex::new(HashMap::new()),
             frame_layout,
             volume_layout,
             scene_layout,
+            tiles_layout,
             picture_layout,
             convert_layout,
             depth_layout,
@@ -151,7 +179,7 @@ impl Pipelines {
     }
 
     /// The ray-caster for a combination of features; compiled at its first use.
-    pub(crate) fn raycast(&self, device: &wgpu::Device, features: Features) -> Arc<wgpu::ComputePipeline> {
+    pub(crate) fn raycast(&self, device: &wgpu::Device, features: Features) -> Arc<RaycastPipelines> {
         // A panic elsewhere cannot leave a map of finished pipelines in a bad state.
         let lock = || self.raycast.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(found) = lock().get(&features) {
@@ -167,7 +195,13 @@ impl Pipelines {
             ("ENTRIES", ENTRIES as f64),
         ];
         let entry = if features.cells { "exact" } else { "raycast" };
-        let made = Arc::new(make(device, &self.raycast_module, &self.raycast_layout, entry, &constants));
+        let all_of_the_way = matches!(features.mode, Mode::XRay | Mode::Maximum | Mode::Cumulated);
+        let tile_constants =
+            [("SKIP", flag(features.skips_by_tile())), ("ALL_OF_THE_WAY", flag(all_of_the_way))];
+        let made = Arc::new(RaycastPipelines {
+            tiles: make(device, &self.tiles_module, &self.tiles_pipeline_layout, "find", &tile_constants),
+            cast: make(device, &self.raycast_module, &self.raycast_layout, entry, &constants),
+        });
         lock().entry(features).or_insert(made).clone()
     }
 }

@@ -184,6 +184,9 @@ impl StereoPlan {
             room_mm_per_volume_mm: placed.room_mm_per_volume_mm as f32,
             depth_columns: depth_grid.columns,
             depth_rows: depth_grid.rows,
+            light_span: (quality.light_span_voxels * grid.spacing_mm().min_element() / step_mm)
+                .floor()
+                .max(1.0) as f32,
             skip_empty: u32::from(quality.skip_empty),
             ..numbers.frame
         };
@@ -191,6 +194,7 @@ impl StereoPlan {
         let centre_in_index = (DVec3::from_array(dims.map(f64::from)) - 1.0) / 2.0;
         for (slot, eye) in frame.eyes.iter_mut().zip(eyes.iter()) {
             *slot = gpu_eye(eye, &placed.index_from_world, &mm_from_index, centre_in_index);
+            [slot.near, slot.far] = depths(eye, &placed.index_from_world, dims);
         }
         Ok(Self {
             frame,
@@ -283,7 +287,7 @@ fn check_quality(quality: &Quality) -> Result<(), PlanError> {
     let check = |field, found: f64, ok: bool, expected| {
         if ok { Ok(()) } else { Err(PlanError::Quality { field, found, expected }) }
     };
-    let Quality { resolution_scale, step_voxels, least_transmittance, .. } = *quality;
+    let Quality { resolution_scale, step_voxels, least_transmittance, light_span_voxels, .. } = *quality;
     check(
         "resolution_scale",
         resolution_scale,
@@ -291,7 +295,13 @@ fn check_quality(quality: &Quality) -> Result<(), PlanError> {
         "above 0, at most 1",
     )?;
     check("step_voxels", step_voxels, step_voxels > 0.0 && step_voxels <= 64.0, "above 0, at most 64")?;
-    check("least_transmittance", least_transmittance, (0.0..=0.5).contains(&least_transmittance), "0 to 0.5")
+    check(
+        "least_transmittance",
+        least_transmittance,
+        (0.0..=0.5).contains(&least_transmittance),
+        "0 to 0.5",
+    )?;
+    check("light_span_voxels", light_span_voxels, (0.0..=64.0).contains(&light_span_voxels), "0 to 64")
 }
 
 fn f32s(v: DVec3) -> [f32; 3] {
@@ -326,6 +336,23 @@ fn gpu_eye(
         ray_dy_mm: f32s(*mm_from_index * ray_dy),
         ..GpuEye::default()
     }
+}
+
+/// Nearest and farthest depth of a volume before an eye: along the eye's axis, in the world's unit, none behind it.
+fn depths(eye: &EyeView, index_from_world: &DAffine3, dims: [u32; 3]) -> [f32; 2] {
+    let world_from_index = index_from_world.inverse();
+    let pose = &eye.world_from_eye;
+    let most = DVec3::from_array(dims.map(f64::from)) - 0.5;
+    let (mut near, mut far) = (f64::INFINITY, 0.0f64);
+    for corner in 0..8 {
+        let pick = |axis: usize| if corner >> axis & 1 == 1 { most[axis] } else { -0.5 };
+        let corner_in_world = world_from_index.transform_point3(DVec3::new(pick(0), pick(1), pick(2)));
+        let depth = -(pose.orientation.conjugate() * (corner_in_world - pose.position_m)).z;
+        (near, far) = (near.min(depth), far.max(depth));
+    }
+    // Rounded outwards.
+    let (near, far) = (near.max(0.0), far.max(0.0));
+    [(near as f32).next_down().max(0.0), (far as f32).next_up()]
 }
 
 #[cfg(test)]

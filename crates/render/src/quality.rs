@@ -22,6 +22,9 @@ pub struct Quality {
     /// A ray ends when less than this part of the light comes through: the error is at most this, in units of full
     /// brightness. With [`Sampling::Cells`], matter between two knots of the transfer function is integrated to this too.
     pub least_transmittance: f64,
+    /// Samples that follow the first that is seen, within so many voxels, are lit alike, at their weighted mean; 0: each by
+    /// itself. Not looked at with [`Sampling::Cells`].
+    pub light_span_voxels: f64,
     /// Who interpolates.
     pub sampling: Sampling,
     /// Whether empty space is skipped; off only to measure what it brings.
@@ -30,12 +33,14 @@ pub struct Quality {
 
 impl Quality {
     /// For a machine that has little to give.
-    pub const DRAFT: Self = Self { step_voxels: 2.0, least_transmittance: 1.0 / 64.0, ..Self::BALANCED };
+    pub const DRAFT: Self =
+        Self { step_voxels: 2.0, least_transmittance: 1.0 / 64.0, light_span_voxels: 4.0, ..Self::BALANCED };
     /// A sample a voxel.
     pub const BALANCED: Self = Self {
         resolution_scale: 1.0,
         step_voxels: 1.0,
         least_transmittance: 1.0 / 256.0,
+        light_span_voxels: 0.0,
         sampling: Sampling::Hardware,
         skip_empty: true,
     };

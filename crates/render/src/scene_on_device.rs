@@ -34,6 +34,8 @@ pub struct SceneOnDevice {
     numbers: SceneNumbers,
     domain: TableDomain,
     distances: wgpu::TextureView,
+    /// The highest value of each cell, if the scene shows maxima.
+    maxima: wgpu::TextureView,
     table_sampler: wgpu::Sampler,
     extinction: wgpu::Buffer,
     stretches: wgpu::Buffer,
@@ -64,20 +66,31 @@ impl SceneOnDevice {
             }
             Mode::XRay | Mode::Maximum => vec![0],
         };
+        // What a mode does not look at is a texture of one cell.
+        let (maxima, maxima_dims) = match scene.mode {
+            Mode::Maximum => channel.cells.maxima(),
+            _ => (vec![0.0], [1; 3]),
+        };
         let has_empty_cells = match scene.mode {
             Mode::XRay => false,
             Mode::Maximum => true,
             _ => distances.iter().any(|&d| d > 0),
         };
-        let cells = if distances.len() == 1 { [1; 3] } else { channel.cells.dims.map(|d| d as u32) };
-        // Farther than 255 cells is looked at again there.
-        let distances: Vec<u8> = distances.iter().map(|&d| d.min(255) as u8).collect();
-        let distances = gpu.small_texture(
-            "the scene's cells",
-            cells,
-            wgpu::TextureDimension::D3,
+        let distances_dims = if distances.len() == 1 { [1; 3] } else { channel.cells.dims };
+        let texture = |what, dims: [usize; 3], format, content: &[u8]| {
+            gpu.small_texture(what, dims.map(|d| d as u32), wgpu::TextureDimension::D3, format, content)
+        };
+        let distances = texture(
+            "the distances of the scene's cells",
+            distances_dims,
             wgpu::TextureFormat::R8Uint,
             &distances,
+        )?;
+        let maxima = texture(
+            "the maxima of the scene's cells",
+            maxima_dims,
+            wgpu::TextureFormat::R32Float,
+            bytemuck::cast_slice(&maxima),
         )?;
         let numbers = |what: &'static str, content: &[u8]| {
             gpu.guarded(what, || {
@@ -103,6 +116,7 @@ impl SceneOnDevice {
             numbers,
             domain,
             distances,
+            maxima,
             table_sampler: gpu.linear_sampler(),
             extinction,
             stretches,
@@ -193,6 +207,10 @@ impl SceneOnDevice {
                 },
                 wgpu::BindGroupEntry { binding: 3, resource: self.extinction.as_entire_binding() },
                 wgpu::BindGroupEntry { binding: 4, resource: self.stretches.as_entire_binding() },
+                wgpu::BindGroupEntry {
+                    binding: 5,
+                    resource: wgpu::BindingResource::TextureView(&self.maxima),
+                },
             ],
         }));
         kept.insert(key, group.clone());

@@ -1,8 +1,17 @@
 //! The shaders' text. Shared parts come first; one module a pass.
 
+/// Find which tiles of rays may see something, and where.
+pub(crate) const TILES: &str = concat!(
+    include_str!("../../../shaders/common/frame.wgsl"),
+    include_str!("../../../shaders/common/tiles.wgsl"),
+    include_str!("../../../shaders/common/field.wgsl"),
+    include_str!("../../../shaders/tiles.wgsl"),
+);
+
 /// Ray-cast both eyes: in steps (`raycast`), or without (`exact`).
 pub(crate) const RAYCAST: &str = concat!(
     include_str!("../../../shaders/common/frame.wgsl"),
+    include_str!("../../../shaders/common/tiles.wgsl"),
     include_str!("../../../shaders/common/field.wgsl"),
     include_str!("../../../shaders/raycast.wgsl"),
     include_str!("../../../shaders/exact.wgsl"),
@@ -32,7 +41,7 @@ mod tests {
 
     #[test]
     fn every_shader_is_valid_without_optional_features() {
-        for (name, text) in [("raycast", RAYCAST), ("convert", CONVERT), ("depth", DEPTH)] {
+        for (name, text) in [("tiles", TILES), ("raycast", RAYCAST), ("convert", CONVERT), ("depth", DEPTH)] {
             validate(name, text);
         }
     }
@@ -40,7 +49,7 @@ mod tests {
     #[test]
     fn every_shader_file_is_used() {
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shaders");
-        let all = [RAYCAST, CONVERT, DEPTH].concat();
+        let all = [TILES, RAYCAST, CONVERT, DEPTH].concat();
         let mut folders = vec![std::path::PathBuf::from(folder)];
         while let Some(folder) = folders.pop() {
             for entry in std::fs::read_dir(folder).unwrap() {

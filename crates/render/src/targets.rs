@@ -3,7 +3,12 @@
 use crate::StereoPlan;
 use crate::error::RenderError;
 use crate::gpu::Gpu;
-use crate::pipelines::{DEPTH_FORMAT, PICTURE_FORMAT};
+use crate::pipelines::{DEPTH_FORMAT, MASK_FORMAT, PICTURE_FORMAT};
+
+/// Rays along each side of a tile. The shader has the same number.
+const TILE: u32 = 8;
+/// Bytes of the work list before its tiles.
+const WORK_HEAD_BYTES: u64 = 16;
 
 /// The picture, its depths, and what is made of them. Frames follow each other on the device, so one set serves all:
 /// it is as large as the largest of them.
@@ -13,6 +18,9 @@ pub(crate) struct Targets {
     pub(crate) depth: wgpu::Texture,
     pub(crate) planes: wgpu::Buffer,
     pub(crate) depth_grid: wgpu::Buffer,
+    /// Workgroups to cast, as an indirect dispatch takes them, the number of tiles, and the tiles.
+    work: wgpu::Buffer,
+    tiles_group: wgpu::BindGroup,
     pub(crate) picture_group: wgpu::BindGroup,
     pub(crate) convert_group: wgpu::BindGroup,
     pub(crate) depth_group: wgpu::BindGroup,
@@ -74,8 +82,18 @@ impl Targets {
         if needs.size_px.iter().any(|&side| side > max) {
             return Err(RenderError::PictureTooLarge { size_px: needs.size_px, max });
         }
-        let picture = layers(gpu, "the picture", &needs, PICTURE_FORMAT)?;
-        let depth = layers(gpu, "the picture's depths", &needs, DEPTH_FORMAT)?;
+        let picture = layers(gpu, "the picture", needs.size_px, needs.eyes, PICTURE_FORMAT)?;
+        let depth = layers(gpu, "the picture's depths", needs.size_px, needs.eyes, DEPTH_FORMAT)?;
+        // Mesa's software driver 22.3 reads nothing from an array of one integer texel.
+        let tiles = needs.size_px.map(|side| side.div_ceil(TILE).max(2));
+        let masks = layers(gpu, "the tiles' masks", tiles, needs.eyes, MASK_FORMAT)?;
+        let work_bytes =
+            WORK_HEAD_BYTES + 4 * u64::from(tiles[0]) * u64::from(tiles[1]) * u64::from(needs.eyes);
+        let work = gpu.buffer(
+            "the list of tiles",
+            work_bytes,
+            wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::COPY_DST,
+        )?;
         let out = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
         let planes = gpu.buffer("the picture's planes", needs.planes_bytes, out)?;
         let depth_grid = gpu.buffer("the grid of depths", needs.depth_grid_bytes, out)?;
@@ -84,6 +102,8 @@ impl Targets {
             ..Default::default()
         };
         let (picture_view, depth_view) = (picture.create_view(&array), depth.create_view(&array));
+        let masks_view = masks.create_view(&array);
+        let masks_binding = wgpu::BindingResource::TextureView(&masks_view);
         let sampler = gpu.linear_sampler();
         let picture_binding = wgpu::BindingResource::TextureView(&picture_view);
         let depth_binding = wgpu::BindingResource::TextureView(&depth_view);
@@ -100,8 +120,21 @@ impl Targets {
             })
         };
         let pipelines = &gpu.pipelines;
-        let picture_group =
-            group("picture", &pipelines.picture_layout, &[picture_binding.clone(), depth_binding.clone()]);
+        let tiles_group = group(
+            "tiles",
+            &pipelines.tiles_layout,
+            &[
+                masks_binding.clone(),
+                work.as_entire_binding(),
+                picture_binding.clone(),
+                depth_binding.clone(),
+            ],
+        );
+        let picture_group = group(
+            "picture",
+            &pipelines.picture_layout,
+            &[picture_binding.clone(), depth_binding.clone(), masks_binding, work.as_entire_binding()],
+        );
         let sampler_binding = wgpu::BindingResource::Sampler(&sampler);
         let convert_group = group(
             "convert",
@@ -113,7 +146,17 @@ impl Targets {
             &pipelines.depth_layout,
             &[depth_binding, picture_binding, depth_grid.as_entire_binding()],
         );
-        Ok(Self { picture_group, convert_group, depth_group, picture, depth, planes, depth_grid })
+        Ok(Self {
+            work,
+            tiles_group,
+            picture_group,
+            convert_group,
+            depth_group,
+            picture,
+            depth,
+            planes,
+            depth_grid,
+        })
     }
 }
 
@@ -121,15 +164,15 @@ impl Targets {
 fn layers(
     gpu: &Gpu,
     what: &'static str,
-    needs: &Needs,
+    [width, height]: [u32; 2],
+    eyes: u32,
     format: wgpu::TextureFormat,
 ) -> Result<wgpu::Texture, RenderError> {
     use wgpu::TextureUsages as Usage;
-    let [width, height] = needs.size_px;
     gpu.guarded(what, || {
         gpu.device.create_texture(&wgpu::TextureDescriptor {
             label: Some(what),
-            size: wgpu::Extent3d { width, height, depth_or_array_layers: needs.eyes },
+            size: wgpu::Extent3d { width, height, depth_or_array_layers: eyes },
             mip_level_count: 1,
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
@@ -160,17 +203,21 @@ pub(crate) fn record_raycast(
     timestamps: Option<wgpu::ComputePassTimestampWrites<'_>>,
 ) -> Result<(), RenderError> {
     let scene_group = scene.scene_group(plan.step_mm())?;
-    let pipeline = gpu.pipelines.raycast(&gpu.device, plan.features);
+    let pipelines = gpu.pipelines.raycast(&gpu.device, plan.features);
+    encoder.clear_buffer(&targets.work, 0, Some(WORK_HEAD_BYTES));
     let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
         label: Some("raycast"),
         timestamp_writes: timestamps,
     });
-    pass.set_pipeline(&pipeline);
+    pass.set_pipeline(&pipelines.tiles);
     pass.set_bind_group(0, frame_group, &[]);
     pass.set_bind_group(1, scene.volume_group(), &[]);
     pass.set_bind_group(2, &*scene_group, &[]);
+    pass.set_bind_group(3, &targets.tiles_group, &[]);
+    let [columns, rows] = plan.render_size_px().map(|side| side.div_ceil(TILE));
+    pass.dispatch_workgroups(columns.div_ceil(8), rows.div_ceil(8), plan.eye_count());
+    pass.set_pipeline(&pipelines.cast);
     pass.set_bind_group(3, &targets.picture_group, &[]);
-    let [width, height] = plan.render_size_px();
-    pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), plan.eye_count());
+    pass.dispatch_workgroups_indirect(&targets.work, 0);
     Ok(())
 }

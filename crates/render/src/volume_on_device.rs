@@ -147,21 +147,13 @@ impl ChannelOnDevice {
         let cells = CellRanges::of(channel, grid.dims(), filter_slack(channel, is_widened));
         let value_scale = channel.slope * unit;
         let value_offset = channel.slope * shift + channel.intercept;
-        let bind_group = Self::bind(gpu, &texture, &cells)?;
+        let bind_group = Self::bind(gpu, &texture)?;
         let integers = if matches!(channel.voxels, Voxels::F32(_)) { 0.0 } else { unit };
         let stored = [integers, shift, channel.slope, channel.intercept];
         Ok(Self { cells, bind_group, value_scale, value_offset, stored })
     }
 
-    fn bind(gpu: &Gpu, texture: &wgpu::Texture, cells: &CellRanges) -> Result<wgpu::BindGroup, RenderError> {
-        let highest: Vec<f32> = cells.ranges.iter().map(|r| r[1]).collect();
-        let maximum = gpu.small_texture(
-            "the volume's cells",
-            cells.dims.map(|d| d as u32),
-            wgpu::TextureDimension::D3,
-            wgpu::TextureFormat::R32Float,
-            bytemuck::cast_slice(&highest),
-        )?;
+    fn bind(gpu: &Gpu, texture: &wgpu::Texture) -> Result<wgpu::BindGroup, RenderError> {
         let sampler = gpu.linear_sampler();
         gpu.guarded("the volume's bindings", || {
             let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
@@ -171,10 +163,6 @@ impl ChannelOnDevice {
                 entries: &[
                     wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(&view) },
                     wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&sampler) },
-                    wgpu::BindGroupEntry {
-                        binding: 2,
-                        resource: wgpu::BindingResource::TextureView(&maximum),
-                    },
                 ],
             })
         })
