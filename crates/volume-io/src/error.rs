@@ -5,7 +5,7 @@ use volume::{GridError, VolumeError};
 /// Why a file could not be loaded. `file` is its path, or its name where it came as bytes.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
-    /// The file is missing, a folder, or may not be read.
+    /// The file is missing or may not be read.
     #[error("{file}: cannot be read: {source}")]
     Unreadable {
         /// The file.
@@ -15,7 +15,7 @@ pub enum LoadError {
     },
     /// The content is of no format that is read here.
     #[error(
-        "{file}: not a volume: expected NIfTI, NRRD, MetaImage, a slice atlas (PNG) or a JSON header, found {found}"
+        "{file}: not a volume: expected DICOM, NIfTI, NRRD, MetaImage, a slice atlas (PNG) or a JSON header, found {found}"
     )]
     UnknownFormat {
         /// The file.
@@ -95,6 +95,16 @@ pub enum LoadError {
         /// Bytes asked for.
         bytes: u64,
     },
+    /// A folder has images of several patients. Who they are is not said.
+    #[error(
+        "{file}: images of one patient are expected, found those of {found}; they can be loaded by force"
+    )]
+    SeveralPatients {
+        /// The folder.
+        file: String,
+        /// Patients.
+        found: usize,
+    },
     /// A header names a file outside its own folder.
     #[error("{file}: {field}: expected a file in the header's folder or below it, found {found:?}")]
     OutsideFolder {
@@ -126,6 +136,16 @@ pub enum LoadError {
 }
 
 impl LoadError {
+    /// The error without the file's name, which the caller has said.
+    pub(crate) fn what(&self) -> String {
+        match self {
+            Self::Field { field, expected, found, .. } => {
+                format!("{field}: expected {expected}, found {found}")
+            }
+            other => other.to_string(),
+        }
+    }
+
     /// A field whose value cannot be.
     pub(crate) fn field(
         file: &str,

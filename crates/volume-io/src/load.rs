@@ -2,7 +2,7 @@
 
 use crate::source::{Part, Source, read_full};
 use crate::stream::{MOST_EXPANSION, Stream};
-use crate::{LoadError, atlas, metaimage, nifti, nrrd, raw};
+use crate::{LoadError, SeriesFound, atlas, dicom, metaimage, nifti, nrrd, raw};
 use flate2::bufread::MultiGzDecoder;
 use std::fmt;
 use std::io::{Read, SeekFrom};
@@ -32,13 +32,20 @@ pub struct LoadOptions {
     /// What the samples of a one-channel file are, where the caller knows better than the file: few label maps say
     /// that they are.
     pub kind: Option<ChannelKind>,
-    /// Called now and then while voxels are read, at least once at the end.
+    /// Called now and then while voxels are read, at least once at the end. Slices are read on several threads: the
+    /// fraction may then fall back by a slice.
     pub progress: Option<Progress>,
+    /// Which DICOM series of a folder, by its number or its UID; the one with the most images if not said.
+    pub series: Option<String>,
+    /// Load although images of several patients lie in one folder.
+    pub force: bool,
+    /// Give back who the patient is, in [`LoadReport::identity`].
+    pub identity: bool,
 }
 
 impl Default for LoadOptions {
     fn default() -> Self {
-        Self { max_bytes: MAX_BYTES, kind: None, progress: None }
+        Self { max_bytes: MAX_BYTES, kind: None, progress: None, series: None, force: false, identity: false }
     }
 }
 
@@ -48,6 +55,9 @@ impl fmt::Debug for LoadOptions {
             .field("max_bytes", &self.max_bytes)
             .field("kind", &self.kind)
             .field("progress", &self.progress.is_some())
+            .field("series", &self.series)
+            .field("force", &self.force)
+            .field("identity", &self.identity)
             .finish()
     }
 }
@@ -67,6 +77,8 @@ pub enum Format {
     Nrrd,
     /// MetaImage, with its voxels or beside them.
     MetaImage,
+    /// DICOM, one file or a series of them.
+    Dicom,
 }
 
 impl fmt::Display for Format {
@@ -78,6 +90,7 @@ impl fmt::Display for Format {
             Self::Raw => "raw voxels with a JSON header",
             Self::Nrrd => "NRRD",
             Self::MetaImage => "MetaImage",
+            Self::Dicom => "DICOM",
         })
     }
 }
@@ -92,6 +105,14 @@ pub struct LoadReport {
     pub non_finite: Vec<NonFiniteCount>,
     /// What a person should know: conversions, what the file does not say, what was left out. Sentences.
     pub notes: Vec<String>,
+    /// `CT`, `MR`, `PT`, … where the file says so.
+    pub modality: Option<String>,
+    /// Lowest and highest value of the window that the file suggests.
+    pub window: Option<[f64; 2]>,
+    /// The DICOM series that were found; only one of them is loaded.
+    pub series: Vec<SeriesFound>,
+    /// Who the patient is, as pairs of what and which; empty unless [`LoadOptions::identity`] asked for it.
+    pub identity: Vec<(&'static str, String)>,
 }
 
 /// A volume and how it was got.
@@ -103,7 +124,7 @@ pub struct Loaded {
     pub report: LoadReport,
 }
 
-/// Loads the volume in a file. What the file is, its content decides, whatever its name.
+/// Loads the volume in a file, or the DICOM series in a folder. What a file is, its content decides, whatever its name.
 ///
 /// Memory stays within about 1.3 times the voxels that are given back.
 ///
@@ -123,7 +144,7 @@ pub fn load_bytes(name: &str, bytes: &[u8], options: &LoadOptions) -> Result<Loa
 }
 
 /// Loads a volume from bytes in memory, with the named bytes of the files that would lie beside it: the JSON of a slice
-/// atlas, the voxels of a raw header.
+/// atlas, the voxels of a header, the other slices of a DICOM series.
 ///
 /// # Errors
 /// As [`load`].
@@ -137,6 +158,9 @@ pub fn load_parts(
 }
 
 fn load_source(source: &Source<'_>, options: &LoadOptions) -> Result<Loaded, LoadError> {
+    if source.is_folder() {
+        return dicom::load(source, options);
+    }
     let mut part = source.open()?;
     let unreadable = |source| LoadError::Unreadable { file: part.name.clone(), source };
     let mut start = [0; LOOKED_AT];
@@ -153,6 +177,9 @@ fn load_source(source: &Source<'_>, options: &LoadOptions) -> Result<Loaded, Loa
     }
     if start.starts_with(atlas::SIGNATURE) {
         return atlas::load(source, part, options);
+    }
+    if dicom::is_file(start) {
+        return dicom::load(source, options);
     }
     if nrrd::is_header(start) {
         return nrrd::load(source, part, options);
@@ -196,7 +223,6 @@ fn what_it_is(start: &[u8]) -> String {
     let text = start.iter().all(|b| (0x20..0x7f).contains(b) || b"\t\r\n".contains(b));
     let known = match start {
         [] => "an empty file",
-        _ if start.get(128..132) == Some(b"DICM") => "DICOM",
         _ if start.starts_with(b"PK\x03\x04") => "a ZIP archive",
         _ if start.starts_with(b"\xff\xd8\xff") => "a JPEG picture",
         _ if text => "text",
@@ -250,7 +276,18 @@ pub(crate) fn finish(
     }
     let volume =
         Volume::new(grid, channels).map_err(|source| LoadError::Volume { file: file.to_owned(), source })?;
-    Ok(Loaded { volume, report: LoadReport { format, non_finite, notes } })
+    Ok(Loaded {
+        volume,
+        report: LoadReport {
+            format,
+            non_finite,
+            notes,
+            modality: None,
+            window: None,
+            series: Vec::new(),
+            identity: Vec::new(),
+        },
+    })
 }
 
 /// The length of an axis, in voxels, that a file claims.

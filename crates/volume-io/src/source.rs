@@ -6,7 +6,7 @@ use std::io::{self, BufRead, BufReader, Cursor, Read, Seek};
 use std::path::{Component, Path, PathBuf};
 
 /// Bytes read at a time from a file.
-const BUFFER: usize = 128 << 10;
+pub(crate) const BUFFER: usize = 128 << 10;
 
 /// Buffered bytes that can be read again from the start.
 pub(crate) trait Input: BufRead + Seek {}
@@ -45,10 +45,15 @@ impl<'a> Source<'a> {
         }
     }
 
+    /// Whether it is a folder of files.
+    pub(crate) fn is_folder(&self) -> bool {
+        matches!(self, Self::Disk(path) if path.is_dir())
+    }
+
     /// Opens the file itself.
     pub(crate) fn open(&self) -> Result<Part<'a>, LoadError> {
         match self {
-            Self::Disk(path) => open_file(path),
+            Self::Disk(path) => open_file(path, BUFFER),
             Self::Memory { name, bytes, .. } => Ok(in_memory(name, bytes)),
         }
     }
@@ -58,7 +63,7 @@ impl<'a> Source<'a> {
         match self {
             Self::Disk(path) => {
                 let json = path.with_extension("json");
-                if json == *path || !json.exists() { Ok(None) } else { open_file(&json).map(Some) }
+                if json == *path || !json.exists() { Ok(None) } else { open_file(&json, BUFFER).map(Some) }
             }
             Self::Memory { name, beside, .. } => {
                 let json = Path::new(name).with_extension("json");
@@ -103,7 +108,7 @@ impl<'a> Source<'a> {
                 if real_file == real(path)? {
                     return Err(itself());
                 }
-                open_file(&real_file)
+                open_file(&real_file, BUFFER)
             }
             Self::Memory { name, .. } if Path::new(name) == relative => Err(itself()),
             Self::Memory { beside, .. } => {
@@ -128,11 +133,11 @@ fn folder_of(path: &Path) -> PathBuf {
     }
 }
 
-fn in_memory<'a>(name: &str, bytes: &'a [u8]) -> Part<'a> {
+pub(crate) fn in_memory<'a>(name: &str, bytes: &'a [u8]) -> Part<'a> {
     Part { name: name.to_owned(), length: bytes.len() as u64, input: Box::new(Cursor::new(bytes)) }
 }
 
-fn open_file(path: &Path) -> Result<Part<'static>, LoadError> {
+pub(crate) fn open_file(path: &Path, buffer: usize) -> Result<Part<'static>, LoadError> {
     let unreadable = |source| LoadError::Unreadable { file: path.display().to_string(), source };
     // Asked before opening: to open a pipe would wait for its writer.
     let found = path.metadata().map_err(unreadable)?;
@@ -146,7 +151,7 @@ fn open_file(path: &Path) -> Result<Part<'static>, LoadError> {
     Ok(Part {
         name: path.display().to_string(),
         length: found.len(),
-        input: Box::new(BufReader::with_capacity(BUFFER, file)),
+        input: Box::new(BufReader::with_capacity(buffer, file)),
     })
 }
 

@@ -7,7 +7,7 @@ mod draw;
 use crate::Loaded;
 use serde::Serialize;
 use std::fmt;
-use volume::{Channel, ChannelKind, Grid, NonFiniteCount, Statistics};
+use volume::{Channel, ChannelKind, Grid, NonFiniteCount, Statistics, Voxels};
 
 /// Axes that meet at an angle farther than this from 90°, in degrees, are called sheared; less is float32 rounding.
 const SHEARED_DEG: f64 = 0.05;
@@ -45,6 +45,14 @@ pub struct VolumeDescription {
     pub bytes: usize,
     /// The channels.
     pub channels: Vec<ChannelDescription>,
+    /// `CT`, `MR`, `PT`, … where the file says so.
+    pub modality: Option<String>,
+    /// The DICOM series that were found, one a line.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub series: Vec<String>,
+    /// Who the patient is; empty unless that was asked for.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub identity: Vec<(&'static str, String)>,
     /// What a person should know about the loading.
     pub notes: Vec<String>,
 }
@@ -70,6 +78,12 @@ pub struct ChannelDescription {
     pub mean: f64,
     /// Values below which a part of the samples lies.
     pub percentiles: Percentiles,
+    /// Lowest and highest value of the window to begin with.
+    pub window: [f64; 2],
+    /// Where that is from: `file`, `percentiles` (1 and 99 %), or the whole `range`.
+    pub window_from: &'static str,
+    /// Largest difference between a value and what a device with float32 arithmetic makes of it.
+    pub float32_rounding: f64,
     /// How often values occur.
     pub histogram: HistogramDescription,
     /// Samples that were no numbers in the file.
@@ -140,16 +154,26 @@ impl VolumeDescription {
                 .channels()
                 .iter()
                 .zip(&loaded.report.non_finite)
-                .map(|(channel, count)| ChannelDescription::of(channel, *count))
+                .map(|(channel, count)| ChannelDescription::of(channel, *count, loaded.report.window))
                 .collect(),
+            modality: loaded.report.modality.clone(),
+            series: loaded.report.series.iter().map(ToString::to_string).collect(),
+            identity: loaded.report.identity.clone(),
             notes: loaded.report.notes.clone(),
         }
     }
 }
 
 impl ChannelDescription {
-    fn of(channel: &Channel, non_finite: NonFiniteCount) -> Self {
+    fn of(channel: &Channel, non_finite: NonFiniteCount, of_file: Option<[f64; 2]>) -> Self {
         let statistics = Statistics::of(channel);
+        let (p1, p99) = (statistics.percentile(0.01), statistics.percentile(0.99));
+        let (window, window_from) = match of_file {
+            Some(window) => (window, "file"),
+            // Where most of the volume is air, that alone would be between the percentiles.
+            None if p99 > p1 => ([p1, p99], "percentiles"),
+            None => ([statistics.minimum, statistics.maximum], "range"),
+        };
         Self {
             name: channel.name.clone(),
             kind: match channel.kind {
@@ -162,11 +186,10 @@ impl ChannelDescription {
             minimum: statistics.minimum,
             maximum: statistics.maximum,
             mean: statistics.mean,
-            percentiles: Percentiles {
-                p1: statistics.percentile(0.01),
-                p50: statistics.percentile(0.5),
-                p99: statistics.percentile(0.99),
-            },
+            percentiles: Percentiles { p1, p50: statistics.percentile(0.5), p99 },
+            window,
+            window_from,
+            float32_rounding: float32_rounding(channel),
             non_finite: NonFiniteDescription {
                 nan: non_finite.nan,
                 positive_infinity: non_finite.positive_infinity,
@@ -178,6 +201,28 @@ impl ChannelDescription {
                 counts: statistics.histogram.counts,
             },
         }
+    }
+}
+
+/// Largest difference between a value, slope and intercept in float64, and the same in float32 of the stored number.
+/// Integers are all tried; float32 is looked at sample by sample.
+fn float32_rounding(channel: &Channel) -> f64 {
+    let Channel { slope, intercept, .. } = channel;
+    let lost = |stored: f64| {
+        let value = slope * stored + intercept;
+        (f64::from((*slope as f32).mul_add(stored as f32, *intercept as f32)) - value).abs()
+    };
+    let worst = |numbers: &mut dyn Iterator<Item = f64>| numbers.map(lost).fold(0.0, f64::max);
+    let between = |low: Option<i32>, high: Option<i32>| match (low, high) {
+        (Some(low), Some(high)) => worst(&mut (low..=high).map(f64::from)),
+        _ => 0.0,
+    };
+    match &channel.voxels {
+        Voxels::U8(_) => between(Some(0), Some(255)),
+        Voxels::I16(v) => between(v.iter().min().map(|&s| s.into()), v.iter().max().map(|&s| s.into())),
+        Voxels::U16(v) => between(v.iter().min().map(|&s| s.into()), v.iter().max().map(|&s| s.into())),
+        Voxels::F32(_) if (*slope, *intercept) == (1.0, 0.0) => 0.0,
+        Voxels::F32(v) => worst(&mut v.iter().map(|&s| f64::from(s))),
     }
 }
 
@@ -196,7 +241,14 @@ impl fmt::Display for VolumeDescription {
         let voxels = self.dims.iter().map(|&d| f64::from(d)).product::<f64>();
         let by = |v: [f64; 3]| v.map(draw::number).join(" × ");
         writeln!(f, "{}", self.file)?;
-        writeln!(f, "  format       {}", self.format)?;
+        write!(f, "  format       {}", self.format)?;
+        match &self.modality {
+            Some(modality) => writeln!(f, ", {modality}")?,
+            None => writeln!(f)?,
+        }
+        for (what, who) in &self.identity {
+            writeln!(f, "  {:<12} {who}", format!("patient {what}"))?;
+        }
         writeln!(
             f,
             "  voxels       {x} × {y} × {z} = {}, {} in memory",
@@ -218,6 +270,12 @@ impl fmt::Display for VolumeDescription {
         writeln!(f)?;
         for channel in &self.channels {
             write!(f, "\n{channel}")?;
+        }
+        if self.series.len() > 1 {
+            writeln!(f, "\n  series")?;
+            for series in &self.series {
+                writeln!(f, "  · {series}")?;
+            }
         }
         if !self.notes.is_empty() {
             writeln!(f, "\n  notes")?;
@@ -252,6 +310,21 @@ impl fmt::Display for ChannelDescription {
             number(self.mean)
         )?;
         writeln!(f, "  percentiles  1 %: {}, 50 %: {}, 99 %: {}", number(p1), number(p50), number(p99))?;
+        let from = match self.window_from {
+            "file" => "as the file says",
+            "percentiles" => "1 to 99 %",
+            _ => "the whole range",
+        };
+        writeln!(f, "  window       {} to {}, {from}", number(self.window[0]), number(self.window[1]))?;
+        if self.float32_rounding > 0.0 {
+            writeln!(
+                f,
+                "  on a device  samples as they are, values in float32: off by at most {}",
+                number(self.float32_rounding)
+            )?;
+        } else {
+            writeln!(f, "  on a device  samples and values as they are")?;
+        }
         let NonFiniteDescription { nan, positive_infinity, negative_infinity } = self.non_finite;
         if nan + positive_infinity + negative_infinity > 0 {
             writeln!(

@@ -7,12 +7,14 @@
 
 mod atlas;
 mod describe;
+mod dicom;
 mod garbage;
 mod golden;
 mod metaimage;
 mod nifti;
 mod nrrd;
 mod raw;
+mod save;
 
 use std::path::PathBuf;
 use volume_io::{LoadError, LoadOptions, Loaded, load_bytes};
