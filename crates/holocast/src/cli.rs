@@ -33,6 +33,8 @@ pub(crate) enum Command {
     Compare(Compare),
     /// Say what a volume is: dimensions, spacing, orientation, type, range, histogram
     Info(Info),
+    /// Write a volume as NIfTI, NRRD or slice atlas, whole or a part of it
+    Convert(Convert),
     /// Name the graphics adapters of this machine
     Adapters {
         /// As JSON
@@ -41,12 +43,26 @@ pub(crate) enum Command {
     },
 }
 
+/// Which images of a folder.
+#[derive(Clone, Debug, Default, Args)]
+pub(crate) struct Chosen {
+    /// The DICOM series, by its number or UID; by default the one with the most images
+    #[arg(long, value_name = "NUMBER|UID")]
+    pub(crate) series: Option<String>,
+    /// Load a folder although it has images of several patients
+    #[arg(long)]
+    pub(crate) force: bool,
+}
+
 /// Serve a volume to headsets.
 #[derive(Debug, Args)]
 pub(crate) struct Serve {
-    /// The volume; by default the one that the scene names, relative to the scene's file
-    #[arg(long, value_name = "FILE")]
+    /// The volume, a file or a folder of DICOM files; by default the one that the scene names, relative to the scene's
+    /// file
+    #[arg(long, value_name = "PATH")]
     pub(crate) volume: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) chosen: Chosen,
     /// The scene to begin with (JSON, see docs/scene-format.md); without one, the volume in default colours
     #[arg(long, value_name = "FILE")]
     pub(crate) scene: Option<PathBuf>,
@@ -188,9 +204,12 @@ pub(crate) struct Render {
     /// The scene (JSON, see docs/scene-format.md); without one, the volume in default colours
     #[arg(long, value_name = "FILE")]
     pub(crate) scene: Option<PathBuf>,
-    /// The volume; by default the one that the scene names, relative to the scene's file
-    #[arg(long, value_name = "FILE")]
+    /// The volume, a file or a folder of DICOM files; by default the one that the scene names, relative to the scene's
+    /// file
+    #[arg(long, value_name = "PATH")]
     pub(crate) volume: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) chosen: Chosen,
     /// What the picture may cost: draft, balanced, fine, exact
     #[arg(long, default_value = "fine", value_name = "LEVEL")]
     pub(crate) quality: String,
@@ -256,11 +275,91 @@ pub(crate) struct Compare {
 /// Say what a volume is.
 #[derive(Debug, Args)]
 pub(crate) struct Info {
-    /// The volume's file
+    /// The volume: a file, or a folder of DICOM files
     pub(crate) path: PathBuf,
+    #[command(flatten)]
+    pub(crate) chosen: Chosen,
+    /// Say also who the patient is
+    #[arg(long)]
+    pub(crate) identity: bool,
     /// As JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// Write a volume in another format.
+#[derive(Debug, Args)]
+pub(crate) struct Convert {
+    /// The volume: a file, or a folder of DICOM files
+    #[arg(value_name = "IN")]
+    pub(crate) input: PathBuf,
+    /// The file to write: .nii, .nii.gz, .nrrd, or .png with a .json beside it (slice atlas)
+    #[arg(value_name = "OUT")]
+    pub(crate) output: PathBuf,
+    #[command(flatten)]
+    pub(crate) chosen: Chosen,
+    /// Voxels to keep along x, y and z, the last not included: 10:200,0:180,20:90; an empty side means the end
+    #[arg(long, value_name = "X0:X1,Y0:Y1,Z0:Z1")]
+    pub(crate) crop: Option<Crop>,
+    /// The channel to write, where there are several
+    #[arg(long, value_name = "NAME")]
+    pub(crate) channel: Option<String>,
+    /// Bits of a sample: keep, 8 or 16
+    #[arg(long, default_value = "keep", value_name = "BITS")]
+    pub(crate) bits: Bits,
+    /// Lowest and highest value that 8 or 16 bits stand for; by default those of the channel
+    #[arg(long, value_name = "LOW,HIGH", allow_hyphen_values = true, value_parser = window)]
+    pub(crate) window: Option<[f64; 2]>,
+    /// Replace a file that is there
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+    /// What was written, as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Bits of a sample in a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum Bits {
+    /// As they are
+    Keep,
+    /// 8 bits
+    #[value(name = "8")]
+    Eight,
+    /// 16 bits
+    #[value(name = "16")]
+    Sixteen,
+}
+
+/// First voxel and the one after the last, along x, y and z; none where the side is the volume's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Crop(pub(crate) [[Option<u32>; 2]; 3]);
+
+impl std::str::FromStr for Crop {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong = || format!("'{text}' is no crop; expected X0:X1,Y0:Y1,Z0:Z1, such as 10:200,:,20:90");
+        let side = |s: &str| match s.trim() {
+            "" => Ok(None),
+            number => number.parse().map(Some).map_err(|_| wrong()),
+        };
+        let axes: Vec<[Option<u32>; 2]> = text
+            .split(',')
+            .map(|axis| {
+                let (first, end) = axis.split_once(':').ok_or_else(wrong)?;
+                Ok([side(first)?, side(end)?])
+            })
+            .collect::<Result<_, String>>()?;
+        axes.try_into().map(Self).map_err(|_| wrong())
+    }
+}
+
+fn window(text: &str) -> Result<[f64; 2], String> {
+    let wrong = || format!("'{text}' is no window; expected LOW,HIGH, such as -160,240");
+    let (low, high) = text.split_once(',').ok_or_else(wrong)?;
+    let number = |s: &str| s.trim().parse::<f64>().ok().filter(|n| n.is_finite()).ok_or_else(wrong);
+    Ok([number(low)?, number(high)?])
 }
 
 /// Width and height in pixels.
@@ -328,6 +427,16 @@ mod tests {
     #[test]
     fn the_command_line_is_well_formed() {
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn crops_and_windows_are_read() {
+        assert_eq!("1:2,:,3:".parse(), Ok(Crop([[Some(1), Some(2)], [None, None], [Some(3), None]])));
+        for wrong in ["1:2,3:4", "1:2,3:4,5:6,7:8", "a:2,:,:", "1,2,3", "-1:2,:,:"] {
+            assert!(wrong.parse::<Crop>().is_err(), "{wrong}");
+        }
+        assert_eq!(window("-160,240"), Ok([-160.0, 240.0]));
+        assert!(window("1").is_err() && window("nan,1").is_err());
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 mod adapters;
 mod compare;
+mod convert;
 mod headset;
 mod info;
 mod load;
@@ -23,6 +24,7 @@ pub(crate) fn run(command: Command) -> anyhow::Result<()> {
         Command::Render(arguments) => render::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Info(arguments) => info::run(&arguments),
+        Command::Convert(arguments) => convert::run(&arguments),
         Command::Adapters { json } => adapters::run(json),
     }
 }

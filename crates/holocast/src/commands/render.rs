@@ -24,7 +24,7 @@ pub(crate) fn run(arguments: &Render) -> anyhow::Result<()> {
 fn approximate(arguments: &Render, outputs: &Outputs<'_>) -> anyhow::Result<()> {
     let mut quality = quality_named(&arguments.quality)?;
     quality.skip_empty = !arguments.no_skip;
-    let shown = Shown::load(arguments.scene.as_deref(), arguments.volume.as_deref())?;
+    let shown = Shown::load(arguments.scene.as_deref(), arguments.volume.as_deref(), &arguments.chosen)?;
     let gpu = Arc::new(Gpu::open(arguments.adapter.as_deref())?);
     let volume = Arc::new(VolumeOnDevice::upload(&gpu, &shown.loaded.volume, |_| {})?);
     let on_device = SceneOnDevice::new(&gpu, &volume, &shown.scene)?;
@@ -48,7 +48,7 @@ fn approximate(arguments: &Render, outputs: &Outputs<'_>) -> anyhow::Result<()> 
 
 /// The exact picture, without a GPU.
 fn exact(arguments: &Render, outputs: &Outputs<'_>) -> anyhow::Result<()> {
-    let shown = Shown::load(arguments.scene.as_deref(), arguments.volume.as_deref())?;
+    let shown = Shown::load(arguments.scene.as_deref(), arguments.volume.as_deref(), &arguments.chosen)?;
     let volume = &shown.loaded.volume;
     let view = viewpoint(arguments, &shown)?;
     let [width, height] = view.eye_size_px;

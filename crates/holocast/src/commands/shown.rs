@@ -1,5 +1,6 @@
 //! A scene and its volume, from the command line's two paths.
 
+use crate::cli::Chosen;
 use crate::terminal::{progress, progress_done, tell};
 use ::render::Quality;
 use anyhow::{Context as _, bail};
@@ -19,7 +20,11 @@ pub(crate) struct Shown {
 
 impl Shown {
     /// Reads the scene (or takes the default one) and loads the volume named on the command line or in the scene.
-    pub(crate) fn load(scene_path: Option<&Path>, volume_path: Option<&Path>) -> anyhow::Result<Self> {
+    pub(crate) fn load(
+        scene_path: Option<&Path>,
+        volume_path: Option<&Path>,
+        chosen: &Chosen,
+    ) -> anyhow::Result<Self> {
         let file = match scene_path {
             Some(path) => read_scene(path)?,
             None => SceneFile::default(),
@@ -27,9 +32,12 @@ impl Shown {
         let volume_path = match (volume_path, &file.volume, scene_path) {
             (Some(path), _, _) => path.to_owned(),
             (None, Some(relative), Some(scene)) => scene.parent().unwrap_or(Path::new(".")).join(relative),
-            _ => bail!("no volume: name one with --volume FILE, or in the scene"),
+            _ => bail!("no volume: name one with --volume PATH, or in the scene"),
         };
-        let loaded = load_volume(&volume_path)?;
+        let loaded = load_volume(&volume_path, load_options(chosen))?;
+        for note in &loaded.report.notes {
+            tell(format!("note: {note}"));
+        }
         let facts = VolumeFacts::of(&loaded.volume);
         let scene = file.resolve(&facts).with_context(|| match scene_path {
             Some(path) => path.display().to_string(),
@@ -52,17 +60,16 @@ pub(crate) fn read_scene(path: &Path) -> anyhow::Result<SceneFile> {
     SceneFile::from_json(&text).with_context(|| path.display().to_string())
 }
 
-fn load_volume(path: &Path) -> anyhow::Result<Loaded> {
+/// What the command line says about loading.
+pub(crate) fn load_options(chosen: &Chosen) -> LoadOptions {
+    LoadOptions { series: chosen.series.clone(), force: chosen.force, ..LoadOptions::default() }
+}
+
+/// Loads a volume and shows how far it is.
+pub(crate) fn load_volume(path: &Path, mut options: LoadOptions) -> anyhow::Result<Loaded> {
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let options = LoadOptions {
-        progress: Some(Arc::new(move |part| progress(format!("loading {name}: {:.0} %", part * 100.0)))),
-        ..LoadOptions::default()
-    };
+    options.progress = Some(Arc::new(move |part| progress(format!("loading {name}: {:.0} %", part * 100.0))));
     let loaded = volume_io::load(path, &options);
     progress_done();
-    let loaded = loaded?;
-    for note in &loaded.report.notes {
-        tell(format!("note: {note}"));
-    }
-    Ok(loaded)
+    Ok(loaded?)
 }

@@ -40,7 +40,7 @@ fn a_volume_that_is_none_is_named_with_what_is_wrong() {
         ("picture.png", &[]),
         ("raw.json", &["nowhere.raw"]),
         ("field.json", &["fog"]),
-        ("folder.nii", &["directory"]),
+        ("folder.nii", &["a folder of 0 files, none of them DICOM"]),
     ] {
         let path = folder.arg(name);
         let said = run(["info", &path]);

@@ -7,3 +7,4 @@ mod network;
 mod pictures;
 mod program;
 mod stills;
+mod volumes;
