@@ -1,7 +1,7 @@
 //! MetaImage: a header of text, and the voxels after it or in other files.
 //!
 //! Source of the layout and of what the fields mean: the MetaIO library of ITK, whose positions are in the patient's
-//! space, left, posterior, superior. Why the header is read here: `docs/decisions/0015-nrrd-and-metaimage.md`.
+//! space, left, posterior, superior. Why the header is read here: `docs/decisions/0016-nrrd-and-metaimage.md`.
 
 use crate::load::{checked_axis, checked_scaling, finish};
 use crate::pieces::{Pieces, Skipped, listed, numbered};

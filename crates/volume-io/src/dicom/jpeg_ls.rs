@@ -1,7 +1,7 @@
 //! JPEG-LS, lossless and near-lossless, of one component.
 //!
 //! Source: ITU-T T.87 (ISO/IEC 14495-1); the sections are named below. Why it is decoded here:
-//! `docs/decisions/0016-dicom.md`.
+//! `docs/decisions/0017-dicom.md`.
 
 /// Order of the run lengths, J of A.7.1.2.
 const RUN_ORDER: [u32; 32] =

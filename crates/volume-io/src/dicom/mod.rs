@@ -1,7 +1,7 @@
 //! DICOM: a file, or the files of a folder, become the volume of one series.
 //!
 //! Sources: DICOM PS3.3 (what elements mean), PS3.5 (how they are written). dicom-rs reads the data set; what is read
-//! here, and why, says `docs/decisions/0016-dicom.md`. Nothing that names a patient leaves this module unless
+//! here, and why, says `docs/decisions/0017-dicom.md`. Nothing that names a patient leaves this module unless
 //! [`LoadOptions::identity`] asks for it.
 
 mod codec;

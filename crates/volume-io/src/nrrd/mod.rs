@@ -1,7 +1,7 @@
 //! NRRD: a header of text, and the voxels after it or in other files.
 //!
 //! Source of the layout and of what the fields mean: "Definition of NRRD File Format", teem,
-//! <http://teem.sourceforge.net/nrrd/format.html>. Why the header is read here: `docs/decisions/0015-nrrd-and-metaimage.md`.
+//! <http://teem.sourceforge.net/nrrd/format.html>. Why the header is read here: `docs/decisions/0016-nrrd-and-metaimage.md`.
 
 mod geometry;
 mod header;
