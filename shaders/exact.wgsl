@@ -26,7 +26,11 @@ struct Stretch {
 const LEAST_PIECE: f32 = 1.52587890625e-5;
 // Pieces of lit matter begin no longer: a highlight is narrow.
 const LIT_PIECE: f32 = 0.25;
-const ROOT_STEPS: i32 = 24;
+// Rounds of six guesses each.
+const ROOT_ROUNDS: i32 = 4;
+// The opacity of a pixel whose ray was not followed to its end. Mesa's software driver leaves the loops of a shader after
+// 65 535 rounds in all.
+const UNFINISHED: f32 = -1.0;
 const LN_2: f32 = 0.69314718;
 
 // The stored number itself. Integers come as parts of their range, rounded to float32: they are made whole again.
@@ -35,18 +39,24 @@ fn stored(p: vec3<i32>) -> f32 {
     return select(raw, round(raw * frame.stored.x) + frame.stored.y, frame.stored.x > 0.0);
 }
 
-fn stretch_of(value: f32) -> u32 {
-    var low = 0u;
-    var high = arrayLength(&stretches);
-    while (high - low > 1u) {
-        let middle = (low + high) / 2u;
+// Halves where a stretch may lie; written out below, for a round of a loop is dear (see UNFINISHED).
+fn halved(span: vec2<u32>, value: f32) -> vec2<u32> {
+    let middle = (span.x + span.y) / 2u;
+    if (span.y - span.x > 1u) {
         if (stretches[middle].value_from <= value) {
-            low = middle;
-        } else {
-            high = middle;
+            return vec2<u32>(middle, span.y);
         }
+        return vec2<u32>(span.x, middle);
     }
-    return low;
+    return span;
+}
+
+// The number of the stretch that a value lies in; there are at most 513.
+fn stretch_of(value: f32) -> u32 {
+    var span = vec2<u32>(0u, arrayLength(&stretches));
+    span = halved(halved(halved(halved(halved(span, value), value), value), value), value);
+    span = halved(halved(halved(halved(halved(span, value), value), value), value), value);
+    return span.x;
 }
 
 fn is_seen(s: Stretch) -> bool {
@@ -219,33 +229,47 @@ fn turns_of(c: vec4<f32>) -> vec2<f32> {
     return vec2<f32>(min(a, b), max(a, b));
 }
 
-// Where a cubic that does not turn between low and high meets a value: Newton's method in a bracket.
-fn root_of(c: vec4<f32>, low_end: f32, high_end: f32, value: f32) -> f32 {
-    var low = low_end;
-    var high = high_end;
+// A bracket around a root, and the guess within it.
+struct Bracket {
+    low: f32,
+    high: f32,
+    u: f32,
+}
+
+// The bracket after a look at its guess: the next is Newton's, or the middle where that leads out of it or is not wanted.
+fn closer(b: Bracket, c: vec4<f32>, value: f32, rises: bool, newton: bool) -> Bracket {
+    let off = cubic_at(c, b.u) - value;
+    var next = b;
+    if ((off > 0.0) == rises) {
+        next.high = b.u;
+    } else {
+        next.low = b.u;
+    }
+    next.u = 0.5 * (next.low + next.high);
+    let slope = c.y + b.u * (2.0 * c.z + b.u * 3.0 * c.w);
+    if (newton && abs(off) < abs(slope)) {
+        let guess = b.u - off / slope;
+        if (guess >= next.low && guess <= next.high) {
+            next.u = guess;
+        }
+    }
+    return next;
+}
+
+// Where a cubic that does not turn between low and high meets a value.
+fn root_of(c: vec4<f32>, low: f32, high: f32, value: f32) -> f32 {
     let rises = cubic_at(c, high) > cubic_at(c, low);
-    var u = 0.5 * (low + high);
-    for (var k = 0; k < ROOT_STEPS; k += 1) {
-        let off = cubic_at(c, u) - value;
-        if ((off > 0.0) == rises) {
-            high = u;
-        } else {
-            low = u;
-        }
-        let slope = c.y + u * (2.0 * c.z + u * 3.0 * c.w);
-        var next = 0.5 * (low + high);
-        if (abs(off) < abs(slope) && k % 3 != 2) {
-            let newton = u - off / slope;
-            if (newton > low && newton < high) {
-                next = newton;
-            }
-        }
-        if (next == u) {
+    var b = Bracket(low, high, 0.5 * (low + high));
+    for (var k = 0; k < ROOT_ROUNDS; k += 1) {
+        let before = b.u;
+        // One halving, lest a bend keeps Newton's method to one side; after that it would only lose what was won.
+        b = closer(closer(closer(b, c, value, rises, true), c, value, rises, true), c, value, rises, k > 0);
+        b = closer(closer(closer(b, c, value, rises, true), c, value, rises, true), c, value, rises, true);
+        if (b.u == before) {
             break;
         }
-        u = next;
     }
-    return u;
+    return b.u;
 }
 
 // The gradient on the way from a to b through a cell, by index, up to a common factor: three cubics. Inside a cell the
@@ -289,6 +313,7 @@ fn emission_absorption_exact(ray: Ray) -> Pixel {
     // What a piece may be off by: what a ray's end may.
     let piece_error = max(frame.least_transmittance, 1.0e-5);
     let deepest = -log(max(frame.least_transmittance, 1.0e-12));
+    var is_whole = true;
     var walk = walk_of(ray);
     while (is_walking(walk, ray) && optical_depth < deepest) {
         let passage = passed(&walk, ray);
@@ -316,19 +341,19 @@ fn emission_absorption_exact(ray: Ray) -> Pixel {
         }
         // From the begin to the end of the cell, cut where the value turns and where it passes a knot.
         var u = 0.0;
+        var begin = 0.0;
+        var end = 0.0;
         var number = stretch_of(value.x);
         while (u < 1.0 && optical_depth < deepest) {
             let turn = select(select(1.0, turns.y, u < turns.y), turns.x, u < turns.x);
             let goal = cubic_at(value, turn);
             let rises = goal > cubic_at(value, u);
             let here = stretches[number];
-            var end = turn;
-            if (rises && goal >= here.value_to) {
-                end = root_of(value, u, turn, here.value_to);
-                number += 1u;
-            } else if (!rises && goal < here.value_from) {
-                end = root_of(value, u, turn, here.value_from);
-                number -= 1u;
+            end = turn;
+            let knot = select(here.value_from, here.value_to, rises);
+            if (select((goal < knot), (goal >= knot), rises)) {
+                end = root_of(value, u, turn, knot);
+                number = select(number - 1u, number + 1u, rises);
             }
             let stretch_begin = u;
             u = end;
@@ -336,7 +361,7 @@ fn emission_absorption_exact(ray: Ray) -> Pixel {
                 continue;
             }
             // Pieces of the stretch, each halved until Boole's rule agrees with Simpson's.
-            var begin = stretch_begin;
+            begin = stretch_begin;
             var longest = select(1.0, LIT_PIECE, LIT);
             while (begin < end && optical_depth < deepest) {
                 let part = min(longest, end - begin);
@@ -398,9 +423,12 @@ fn emission_absorption_exact(ray: Ray) -> Pixel {
                 begin = select(begin + part, end, part >= end - begin);
                 longest = 2.0 * part;
             }
+            is_whole = is_whole && (begin >= end || optical_depth >= deepest);
         }
+        is_whole = is_whole && (u >= 1.0 || optical_depth >= deepest);
     }
-    return Pixel(color, opacity_of(optical_depth), half_mm, optical_depth >= LN_2);
+    is_whole = is_whole && !(is_walking(walk, ray) && optical_depth < deepest);
+    return Pixel(color, select(UNFINISHED, opacity_of(optical_depth), is_whole), half_mm, optical_depth >= LN_2);
 }
 
 fn first_crossing_exact(ray: Ray) -> Pixel {

@@ -80,6 +80,15 @@ pub enum RenderError {
         /// Its words.
         reason: String,
     },
+    /// The device left the shader's loops before some rays were at their ends: there is too much on their way.
+    #[error(
+        "{pixels} pixels are not whole: the device left their rays early. Mesa's software driver does so after 65535 \
+         rounds of a shader's loops; a simpler transfer function or the level balanced takes fewer"
+    )]
+    Unfinished {
+        /// How many.
+        pixels: usize,
+    },
     /// All slots of the read-back ring are in use.
     #[error("all {slots} slots of the read-back ring are in use; finish a frame before the next one")]
     RingFull {

@@ -4,6 +4,9 @@ use crate::error::{OpenError, RenderError};
 use crate::pipelines::Pipelines;
 use wgpu::util::DeviceExt as _;
 
+/// Most samples along the longest way through a volume: beyond, float32 cannot number them.
+const MOST_SAMPLES: u32 = 1_048_576;
+
 /// What a person wants to know about an adapter.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AdapterFacts {
@@ -119,6 +122,12 @@ impl Gpu {
     #[must_use]
     pub fn longest_volume_axis(&self) -> u32 {
         self.device.limits().max_texture_dimension_3d
+    }
+
+    /// Most samples along a ray.
+    pub(crate) fn most_samples(&self) -> u32 {
+        // Mesa's software driver leaves the loops of a shader after 65 535 rounds in all, and says nothing.
+        if self.adapter.is_software { 60_000 } else { MOST_SAMPLES }
     }
 
     /// A buffer, or an error with numbers where it would be larger than the device allows.

@@ -7,8 +7,6 @@ use crate::{Quality, Sampling};
 use spatial::{DAffine3, DMat3, DQuat, DVec3, EyeView, Fov, FovError};
 use volume::Grid;
 
-/// Most samples along the longest way through a volume: beyond, float32 cannot number them.
-const MOST_SAMPLES: f64 = 1_048_576.0;
 /// How far an orientation's length may be from 1: more is no rounding.
 const UNIT_LENGTH_TOLERANCE: f64 = 1.0e-3;
 /// Longest side of a picture in pixels.
@@ -102,7 +100,7 @@ pub enum PlanError {
     /// The step is so short that the samples of a ray could not be counted.
     #[error(
         "step of {step_mm} mm: the longest way through the volume, {way_mm:.1} mm, would take {samples:.0} samples, \
-         at most {MOST_SAMPLES} are possible"
+         at most {most} are possible on this device"
     )]
     Step {
         /// The step, millimetres.
@@ -111,6 +109,8 @@ pub enum PlanError {
         way_mm: f64,
         /// Samples along it.
         samples: f64,
+        /// The most that are possible.
+        most: u32,
     },
     /// The quality has a number out of its range.
     #[error("quality: {field} is {found}, expected {expected}")]
@@ -156,9 +156,10 @@ impl StereoPlan {
         let way_mm = grid.size_mm().length();
         let samples = way_mm / step_mm;
         // Without steps, a step has only to be one.
-        let most = if quality.sampling == Sampling::Cells { f64::MAX } else { MOST_SAMPLES };
-        if !(step_mm > 0.0 && samples <= most) {
-            return Err(PlanError::Step { step_mm, way_mm, samples });
+        let most = numbers.most_samples;
+        let is_counted = quality.sampling != Sampling::Cells;
+        if !(step_mm > 0.0 && (!is_counted || samples <= f64::from(most))) {
+            return Err(PlanError::Step { step_mm, way_mm, samples, most });
         }
         let scaled = |side: u32| ((f64::from(side) * quality.resolution_scale).round() as u32).max(1);
         let render_size_px = eye_size_px.map(scaled);
@@ -366,6 +367,7 @@ mod tests {
             mode: Mode::EmissionAbsorption,
             lit: false,
             has_empty_cells: true,
+            most_samples: 60_000,
             frame: GpuFrame::default(),
         }
     }

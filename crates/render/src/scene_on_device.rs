@@ -22,6 +22,8 @@ pub struct SceneNumbers {
     pub(crate) lit: bool,
     /// Whether skipping can bring something; the mean of a ray needs all of it.
     pub(crate) has_empty_cells: bool,
+    /// Most samples along a ray that the device can take.
+    pub(crate) most_samples: u32,
     pub(crate) frame: GpuFrame,
 }
 
@@ -108,7 +110,13 @@ impl SceneOnDevice {
             stored: channel.stored.map(|x| x as f32),
             ..frame_numbers(scene, domain, channel.value_scale, channel.value_offset)
         };
-        let numbers = SceneNumbers { mode: scene.mode, lit: scene.light.is_some(), has_empty_cells, frame };
+        let numbers = SceneNumbers {
+            mode: scene.mode,
+            lit: scene.light.is_some(),
+            has_empty_cells,
+            most_samples: gpu.most_samples(),
+            frame,
+        };
         Ok(Self {
             scene: scene.clone(),
             gpu: gpu.clone(),

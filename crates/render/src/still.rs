@@ -53,7 +53,7 @@ impl StillRenderer {
     /// Draws a picture and reads it back.
     ///
     /// # Errors
-    /// If the device has no room or was lost.
+    /// If the device has no room, was lost, or left rays before their ends.
     pub fn render(&self, scene: &SceneOnDevice, plan: &StereoPlan) -> Result<Still, RenderError> {
         use wgpu::BufferUsages as Usage;
         let gpu = &self.gpu;
@@ -103,10 +103,15 @@ impl StillRenderer {
         mapped.recv().map_err(|e| failed(e.to_string()))?.map_err(|e| failed(e.to_string()))?;
         let view = read_back.slice(..).get_mapped_range().map_err(|e| failed(format!("{e:?}")))?;
         let (picture, rest) = view.split_at(picture_bytes as usize);
+        let rgba: Vec<[f32; 4]> = picture_rows.unpadded(picture);
+        let pixels = rgba.iter().filter(|p| p[3] < 0.0).count();
+        if pixels > 0 {
+            return Err(RenderError::Unfinished { pixels });
+        }
         Ok(Still {
             eye_size_px: plan.render_size_px(),
             eye_count: plan.eye_count(),
-            rgba: picture_rows.unpadded(picture),
+            rgba,
             depth_mm: depth_rows.unpadded(&rest[..depth_bytes as usize]),
         })
     }

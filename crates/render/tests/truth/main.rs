@@ -6,7 +6,11 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot set itself up has failed")]
 
 mod closed_forms;
+mod convergence;
+mod hard_cases;
 mod levels;
 mod scenes;
 mod setting;
+mod skipping;
+mod stereo;
 mod tolerances;

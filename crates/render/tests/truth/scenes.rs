@@ -113,9 +113,8 @@ fn subjects() -> Vec<Subject> {
     ]
 }
 
-/// Scenes of one volume: every mode, and lit.
-fn looks(subject: &Subject) -> Vec<(String, String)> {
-    let Subject { low, high, opacity, .. } = *subject;
+/// Scenes of one volume: every mode, and lit. Nothing is seen below `low`; at `high` a millimetre has the opacity.
+pub(crate) fn looks(low: f64, high: f64, opacity: f64) -> Vec<(String, String)> {
     let at = |part: f64| low + (high - low) * part;
     let ramp = format!(
         "[[{}, 0.1, 0.2, 0.9, 0], [{}, 0.9, 0.3, 0.1, {}], [{}, 1, 0.9, 0.7, {opacity}]]",
@@ -163,7 +162,7 @@ pub(crate) fn made() -> Vec<Case> {
         let size_mm = grid.size_mm();
         let middle = (size_mm - grid.spacing_mm()) / 2.0;
         let at = middle + DVec3::new(0.9, 1.1, 0.8) * size_mm.max_element() * 1.2;
-        for (look, json) in looks(&subject) {
+        for (look, json) in looks(subject.low, subject.high, subject.opacity) {
             cases.push(Case {
                 name: format!("{}: {look}", subject.name),
                 shown: Shown::new(subject.volume.clone(), &json),
