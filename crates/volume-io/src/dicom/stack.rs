@@ -24,6 +24,8 @@ const BESIDE_MM: f64 = 0.1;
 const MOST_DIVIDED: f64 = 4.0;
 /// Names in one note.
 const NAMED: usize = 6;
+/// Gaps that are named, equal ones in a row as one: more is a page that nobody reads.
+const GAPS_NAMED: usize = 32;
 
 /// One frame and where it is.
 #[derive(Clone)]
@@ -347,7 +349,7 @@ fn places(
     (step_mm, places)
 }
 
-/// Names the gaps that are not as usual.
+/// Names the slices beside gaps that are not as usual, those of equal gaps in a row together.
 fn note_gaps(
     gaps_mm: &[f64],
     usual_mm: f64,
@@ -355,20 +357,32 @@ fn note_gaps(
     names: &Names<'_, '_>,
     notes: &mut Vec<String>,
 ) {
-    let unusual: Vec<usize> =
-        (0..gaps_mm.len()).filter(|&i| (gaps_mm[i] - usual_mm).abs() > EVEN * usual_mm).collect();
-    for &i in unusual.iter().take(NAMED) {
-        let (gap_mm, times) = (gaps_mm[i], gaps_mm[i] / usual_mm);
+    let near = |a: f64, b: f64| (a - b).abs() <= EVEN * usual_mm;
+    let (mut first, mut named, mut more) = (0, 0, 0);
+    for alike in gaps_mm.chunk_by(|a, b| near(*a, *b)) {
+        let (start, end) = (first, first + alike.len());
+        first = end;
+        let gap_mm = alike[0];
+        if near(gap_mm, usual_mm) {
+            continue;
+        }
+        if named == GAPS_NAMED {
+            more += 1;
+            continue;
+        }
+        named += 1;
+        let times = gap_mm / usual_mm;
         let missing = times.round() - 1.0;
         let what = if missing >= 1.0 && (times - times.round()).abs() < 0.05 {
             format!("{missing} missing")
         } else {
             format!("{usual_mm:.3} mm is usual")
         };
-        let [a, b] = [&slices[i], &slices[i + 1]].map(|s| names.of(s));
-        notes.push(format!("between {a} and {b} are {gap_mm:.3} mm: {what}"));
+        let [a, b] = [&slices[start], &slices[end]].map(|s| names.of(s));
+        let often = if alike.len() > 1 { format!("{} times ", alike.len()) } else { String::new() };
+        notes.push(format!("between {a} and {b} are {often}{gap_mm:.3} mm: {what}"));
     }
-    if unusual.len() > NAMED {
-        notes.push(format!("{} more distances are not as usual", unusual.len() - NAMED));
+    if more > 0 {
+        notes.push(format!("{more} more distances are not as usual"));
     }
 }

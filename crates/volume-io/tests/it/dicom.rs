@@ -249,6 +249,12 @@ fn a_missing_slice_is_named_and_interpolated() {
 }
 
 #[test]
+fn equal_gaps_in_a_row_are_named_together() {
+    let loaded = parts(&stack(&[0.0, 1.0, 2.0, 3.0, 4.0, 7.5, 11.0])).unwrap();
+    assert_noted(&loaded, "between s4.dcm and s6.dcm are 2 times 3.500 mm: 1.000 mm is usual");
+}
+
+#[test]
 fn uneven_slices_are_resampled_at_their_smallest_distance() {
     let loaded = parts(&stack(&[0.0, 2.0, 4.0, 9.0])).unwrap();
     assert_noted(&loaded, "between s2.dcm and s3.dcm are 5.000 mm: 2.000 mm is usual");

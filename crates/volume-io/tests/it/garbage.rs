@@ -1,6 +1,6 @@
 //! What is no volume at all, and random damage.
 
-use crate::{fixture, load_err};
+use crate::{fixture, fixtures, load_err};
 use proptest::prelude::*;
 use volume_io::{LoadError, LoadOptions, load, load_bytes, load_parts};
 
@@ -69,6 +69,22 @@ proptest! {
         bytes[one % length] = a;
         bytes[two % length] = b;
         survives(name, &bytes, &[]);
+    }
+
+    #[test]
+    fn damaged_slices_do_no_harm(
+        kind in 0usize..24, one in 0usize..4000, two in 0usize..4000, a in any::<u8>(), b in any::<u8>(),
+    ) {
+        let mut series: Vec<_> =
+            std::fs::read_dir(fixtures().join("dicom")).unwrap().map(|e| e.unwrap().path()).collect();
+        series.sort();
+        let slice = std::fs::read_dir(&series[kind]).unwrap().map(|e| e.unwrap().path()).min().unwrap();
+        let mut bytes = std::fs::read(slice).unwrap();
+        let length = bytes.len();
+        // From the end: pixels are where codecs are.
+        bytes[length - 1 - one % length] = a;
+        bytes[length - 1 - two % length] ^= b;
+        survives("a.dcm", &bytes, &[]);
     }
 
     #[test]
