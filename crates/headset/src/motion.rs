@@ -3,15 +3,7 @@
 use session::HeadsetTime;
 use spatial::Pose;
 use std::sync::Arc;
-use std::time::Duration;
 use trace::{Ending, Trace};
-
-/// Step in which a stretch of a trace is looked through for a jump.
-const STEP: Duration = Duration::from_millis(10);
-/// Fastest that a head moves, in metres a second, and turns, in radians a second (1000°). What is faster is a jump in
-/// the recording, such as where it begins anew.
-const FASTEST_M_PER_SEC: f64 = 15.0;
-const FASTEST_RAD_PER_SEC: f64 = 17.5;
 
 /// A trace laid upon the headset's clock.
 #[derive(Clone, Debug)]
@@ -31,29 +23,19 @@ impl TraceMotion {
 
     /// Where the head is at a time.
     #[must_use]
-    #[expect(clippy::cast_precision_loss, reason = "a microsecond stays exact for 285 years")]
     pub fn at(&self, time: HeadsetTime) -> Pose {
-        let secs = time.micros_since(self.began_at) as f64 * 1e-6;
-        self.trace.sample(self.offset_secs + secs, self.ending)
+        self.trace.sample(self.trace_secs(time), self.ending)
     }
 
     /// Whether the trace jumps between two times, as no head does and nobody can foresee.
     #[must_use]
     pub fn jumps_between(&self, from: HeadsetTime, to: HeadsetTime) -> bool {
-        let mut time = from;
-        let mut pose = self.at(time);
-        while time < to {
-            time = time + STEP;
-            let next = self.at(time);
-            let secs = STEP.as_secs_f64();
-            if (next.position_m - pose.position_m).length() > FASTEST_M_PER_SEC * secs
-                || next.angle_to(&pose) > FASTEST_RAD_PER_SEC * secs
-            {
-                return true;
-            }
-            pose = next;
-        }
-        false
+        self.trace.jumps_between(self.trace_secs(from), self.trace_secs(to), self.ending)
+    }
+
+    #[expect(clippy::cast_precision_loss, reason = "a microsecond stays exact for 285 years")]
+    fn trace_secs(&self, time: HeadsetTime) -> f64 {
+        self.offset_secs + time.micros_since(self.began_at) as f64 * 1e-6
     }
 }
 

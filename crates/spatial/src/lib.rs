@@ -9,11 +9,13 @@
 mod fov;
 mod pose;
 mod predict;
+mod registration;
 mod view;
 
 pub use fov::{Fov, FovError};
 pub use pose::{Pose, PoseError};
-pub use predict::{Motion, PoseAt};
+pub use predict::{Motion, PoseAt, Predictor};
+pub use registration::{Displacement, displacement};
 pub use view::{EyeView, HeadGeometry, StereoView};
 
 /// Vectors and rotations in float64, re-exported so that the crates above agree on one version.

@@ -10,6 +10,13 @@ use std::path::Path;
 /// first pose on.
 pub(crate) const LONGEST_SECS: f64 = 10.0 * 366.0 * 86_400.0;
 
+/// Step in which a stretch of a trace is looked through for a jump.
+const STEP_SECS: f64 = 0.01;
+/// Fastest that a head moves, in metres a second, and turns, in radians a second (1000°). What is faster is a jump in
+/// the recording, such as where it begins anew.
+const FASTEST_M_PER_SEC: f64 = 15.0;
+const FASTEST_RAD_PER_SEC: f64 = 17.5;
+
 /// What follows the end of a trace.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Ending {
@@ -93,6 +100,24 @@ impl Trace {
     #[must_use]
     pub fn sample(&self, time_secs: f64, ending: Ending) -> Pose {
         self.at(time_within(time_secs, self.duration_secs(), ending))
+    }
+
+    /// Whether the head jumps between two times, as no head does and nobody can foresee.
+    #[must_use]
+    pub fn jumps_between(&self, from_secs: f64, to_secs: f64, ending: Ending) -> bool {
+        let mut pose = self.sample(from_secs, ending);
+        let mut time_secs = from_secs;
+        while time_secs < to_secs {
+            time_secs += STEP_SECS;
+            let next = self.sample(time_secs, ending);
+            if (next.position_m - pose.position_m).length() > FASTEST_M_PER_SEC * STEP_SECS
+                || next.angle_to(&pose) > FASTEST_RAD_PER_SEC * STEP_SECS
+            {
+                return true;
+            }
+            pose = next;
+        }
+        false
     }
 
     /// The pose at a time from 0 to the duration.

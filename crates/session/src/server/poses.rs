@@ -3,26 +3,10 @@
 use super::{Prediction, ServerCounters};
 use crate::convert::pose_from_wire;
 use crate::time::{ClockOffset, HeadsetTime, ServerTime};
-use spatial::{Motion, Pose, PoseAt, PoseError};
-use std::collections::VecDeque;
+use spatial::{Pose, PoseAt, PoseError, Predictor};
 use std::time::Duration;
 use wire::{ClockReport, PoseSample};
 
-/// Time over which a head's velocity is taken. On four recorded walks (Quest Pro, Vive, resampled to 60 Hz) 33 ms had
-/// the lowest or nearly the lowest error at 33, 50 and 100 ms ahead among 17, 33, 50 and 83 ms, and a least-squares
-/// line over the same poses was no better: at 50 ms, 95 % of predictions are within 1.8° and 5.5 mm, against 7.3° and
-/// 28 mm without prediction.
-const VELOCITY_SPAN: Duration = Duration::from_millis(33);
-/// Poses farther apart than this do not tell a velocity.
-const LONGEST_SPAN: Duration = Duration::from_millis(120);
-/// Poses nearer than this to the one before are not kept for the velocity, so that a flood of poses keeps its span.
-const SHORTEST_STEP: Duration = Duration::from_millis(4);
-/// Poses kept for the velocity: [`LONGEST_SPAN`] in [`SHORTEST_STEP`]s.
-const MAX_HISTORY: usize = 32;
-/// A head does not move faster than this, in metres a second: beyond, tracking has jumped.
-const FASTEST_M_PER_SEC: f64 = 5.0;
-/// A head does not turn faster than this, in radians a second (1 150° a second): beyond, tracking has jumped.
-const FASTEST_RAD_PER_SEC: f64 = 20.0;
 /// A display time farther than this after the pose's arrival is taken for this.
 const FARTHEST_DISPLAY: Duration = Duration::from_secs(1);
 /// Time after which the least delay of a pose is forgotten.
@@ -42,8 +26,8 @@ pub(super) struct ReceivedPose {
 #[derive(Debug, Default)]
 pub(super) struct PoseInbox {
     newest: Option<ReceivedPose>,
-    /// Poses before the newest, oldest first, spaced.
-    history: VecDeque<(HeadsetTime, Pose)>,
+    /// Has taken the same poses.
+    predictor: Predictor,
     rendered_sequence: Option<u64>,
     bad_in_a_row: u32,
     last_error: Option<PoseError>,
@@ -70,13 +54,7 @@ impl PoseInbox {
         counters.poses_taken += 1;
         let sampled_at = HeadsetTime::from_micros(sample.sampled_at_us);
         self.clock.see_pose(now, sampled_at);
-        if let Some(before) = self.newest {
-            self.remember(&before);
-        }
-        if self.history.back().is_some_and(|(time, _)| *time >= sampled_at) {
-            // The headset's clock has gone back: what was before tells nothing of what is now.
-            self.history.clear();
-        }
+        self.predictor.take(PoseAt { time_secs: sampled_at.as_secs(), pose: world_from_head });
         self.newest = Some(ReceivedPose {
             sequence: sample.sequence,
             sampled_at,
@@ -84,16 +62,6 @@ impl PoseInbox {
             received_at: now,
             world_from_head,
         });
-    }
-
-    fn remember(&mut self, pose: &ReceivedPose) {
-        if self.history.back().is_some_and(|(time, _)| pose.sampled_at < *time + SHORTEST_STEP) {
-            return;
-        }
-        if self.history.len() == MAX_HISTORY {
-            self.history.pop_front();
-        }
-        self.history.push_back((pose.sampled_at, pose.world_from_head));
     }
 
     pub(super) fn bad_in_a_row(&self) -> u32 {
@@ -132,31 +100,7 @@ impl PoseInbox {
         if !prediction.enabled || ahead.is_zero() {
             return pose.world_from_head;
         }
-        self.motion(pose).applied(&pose.world_from_head, ahead.as_secs_f64())
-    }
-
-    fn motion(&self, pose: &ReceivedPose) -> Motion {
-        // The youngest pose that is a span older, else the oldest there is.
-        let Some((time, before)) = self
-            .history
-            .iter()
-            .rev()
-            .find(|(time, _)| *time + VELOCITY_SPAN <= pose.sampled_at + SHORTEST_STEP)
-            .or(self.history.front())
-        else {
-            return Motion::REST;
-        };
-        let span = pose.sampled_at.since(*time);
-        if span > LONGEST_SPAN || span < SHORTEST_STEP {
-            return Motion::REST;
-        }
-        let motion = Motion::between(
-            &PoseAt { time_secs: 0.0, pose: *before },
-            &PoseAt { time_secs: span.as_secs_f64(), pose: pose.world_from_head },
-        );
-        let jumped = motion.linear_m_per_sec.length() > FASTEST_M_PER_SEC
-            || motion.angular_rad_per_sec.length() > FASTEST_RAD_PER_SEC;
-        if jumped { Motion::REST } else { motion }
+        self.predictor.predicted(ahead.as_secs_f64()).unwrap_or(pose.world_from_head)
     }
 }
 
