@@ -17,6 +17,7 @@ mod keep;
 mod load;
 mod model;
 mod motion;
+mod registration;
 mod run;
 mod simulated;
 mod usage;
@@ -31,8 +32,8 @@ pub use load::{FailedHeadset, LoadRun, LoadSettings, load};
 pub use model::{DeviceModel, ParseDeviceError};
 pub use motion::TraceMotion;
 pub use run::{
-    ClockFacts, EndFacts, FrameRecord, FrameTimes, HeadsetRun, PathFacts, RunCounters, SceneOutcome,
-    SceneRequest, ServerStatisticsRecord, SessionFacts, ViolationCount,
+    ClockFacts, EndFacts, FrameRecord, FrameTimes, HeadsetRun, PathFacts, RunCounters, SampledFrame,
+    SceneOutcome, SceneRequest, ServerStatisticsRecord, SessionFacts, ViolationCount,
 };
 pub use simulated::{Progress, SceneChange, SimulatedError, SimulatedHeadset, SimulatedSettings};
 pub use usage::ProcessUsage;

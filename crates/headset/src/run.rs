@@ -3,6 +3,7 @@
 use crate::{Kept, Violation};
 use serde::Serialize;
 use session::{ClockOffset, ClosedBy, Disconnection, FrameTimeline, Stage};
+use spatial::StereoView;
 use std::collections::BTreeMap;
 use wire::{ServerStatistics, Welcome};
 
@@ -46,6 +47,9 @@ pub struct HeadsetRun {
     pub server_statistics: Vec<ServerStatisticsRecord>,
     /// The scenes that this headset asked for.
     pub scene_requests: Vec<SceneRequest>,
+    /// Pictures that were put aside.
+    #[serde(skip)]
+    pub sampled: Vec<SampledFrame>,
     /// What was written to the disk.
     pub kept: Kept,
     /// How it ended.
@@ -181,8 +185,37 @@ pub struct FrameRecord {
     pub prediction_error_mm: Option<f64>,
     /// The angle between the two, in degrees.
     pub prediction_error_deg: Option<f64>,
+    /// From the pose to when the picture was shown: at its display time, or with the first display interval after it was
+    /// decoded; in microseconds.
+    pub pose_to_shown_us: i64,
+    /// How fast the head turned in the tenth of a second after the pose, in degrees a second; `None` where the trace
+    /// jumped.
+    pub head_deg_per_sec: Option<f64>,
+    /// How far the anchors of [`crate::SimulatedSettings::anchors_in_world`] seemed to be from where they are when the
+    /// picture was shown, without reprojection: mean over those that were seen and both eyes, in pixels. `None` if none
+    /// was seen or the trace jumped.
+    pub registration_px: Option<f64>,
+    /// The same in degrees.
+    pub registration_deg: Option<f64>,
     /// How many rules the frame broke.
     pub violations: u32,
+}
+
+/// A decoded picture that was put aside, to be held against what should be seen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SampledFrame {
+    /// The frame.
+    pub frame: u64,
+    /// The scene that it shows.
+    pub scene_revision: u32,
+    /// The view that it was made for, as its header says.
+    pub rendered: StereoView,
+    /// Where the eyes truly were when it was shown.
+    pub seen_from: StereoView,
+    /// Width and height of one eye's picture, in pixels.
+    pub eye_size_px: [u32; 2],
+    /// Red, green and blue of the left and of the right eye, three bytes a pixel, rows from the top.
+    pub rgb8: [Vec<u8>; 2],
 }
 
 /// Where a frame's time went.

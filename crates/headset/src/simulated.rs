@@ -7,11 +7,13 @@ use crate::decode::DecodePool;
 use crate::display::DisplayTiming;
 use crate::keep::{KeepError, KeepSettings, Keeper, Kept, Shown};
 use crate::motion::TraceMotion;
+use crate::registration::{Aside, registration};
 use crate::run::{
     EndFacts, FrameRecord, HeadsetRun, PathFacts, RunCounters, SceneOutcome, SceneRequest,
     ServerStatisticsRecord, SessionFacts,
 };
 use session::{Disconnection, HeadsetTime, Stage};
+use spatial::{DVec3, HeadGeometry};
 use std::collections::{BTreeMap, VecDeque};
 use std::future::pending;
 use std::sync::Arc;
@@ -20,6 +22,8 @@ use std::time::{Duration, Instant};
 use tokio::sync::watch;
 use trace::{Ending, Trace};
 
+/// Time over which the head's speed is told.
+const SPEED_OVER: Duration = Duration::from_millis(100);
 /// Longest run, in place of an endless one.
 const LONGEST: Duration = Duration::from_secs(10 * 366 * 86_400);
 
@@ -46,6 +50,10 @@ pub struct SimulatedSettings {
     pub scene_changes: Vec<SceneChange>,
     /// What it writes to the disk.
     pub keep: KeepSettings,
+    /// Points of the hologram, metres in the room, whose displacement it tells with each frame.
+    pub anchors_in_world: Vec<DVec3>,
+    /// Decoded pictures that it puts aside in [`HeadsetRun::sampled`], spread over the run; they stay in memory.
+    pub sampled_frames: u32,
     /// When the run began: all times count from here.
     pub origin: Instant,
     /// Ends it before its time, with a goodbye, once this is true or its sender is gone; `None` if nobody will.
@@ -106,6 +114,8 @@ impl SimulatedSettings {
             first_latency: Duration::from_millis(50),
             scene_changes: Vec::new(),
             keep: KeepSettings::default(),
+            anchors_in_world: Vec::new(),
+            sampled_frames: 0,
             origin: Instant::now(),
             stop: None,
             progress: Arc::default(),
@@ -132,6 +142,7 @@ pub struct SimulatedHeadset {
     checker: Checker,
     timing: DisplayTiming,
     keeper: Option<Keeper>,
+    aside: Vec<Aside>,
     /// From the first pose on.
     walk: Option<Walk>,
     /// Requests that wait for an answer, with their place in the run.
@@ -166,6 +177,7 @@ impl SimulatedHeadset {
             checker: Checker::new(device.clone()),
             timing: DisplayTiming::new(Duration::from_secs_f64(1.0 / hz), settings.first_latency),
             keeper,
+            aside: Vec::new(),
             walk: None,
             requested: BTreeMap::new(),
             run: HeadsetRun {
@@ -186,6 +198,7 @@ impl SimulatedHeadset {
                 frames: Vec::new(),
                 server_statistics: Vec::new(),
                 scene_requests: Vec::new(),
+                sampled: Vec::new(),
                 kept: Kept::default(),
                 end: EndFacts { by: "us", code: 0, reason: String::new() },
             },
@@ -331,6 +344,17 @@ impl SimulatedHeadset {
         let since_start_secs = decoded_at.since(walk.began_at).as_secs_f64();
         self.headset.frame_shown(sampled_at, shown_at);
 
+        let truth = self.geometry().view(&walk.motion.at(shown_at));
+        let can_be_known = !findings.crosses_jump && !walk.motion.jumps_between(sampled_at, shown_at);
+        let registration =
+            registration(&received.view, &truth, &self.settings.anchors_in_world, self.run.eye_size_px)
+                .filter(|_| can_be_known);
+        let turned = walk.motion.at(sampled_at).angle_to(&walk.motion.at(sampled_at + SPEED_OVER));
+        let speed = turned.to_degrees() / SPEED_OVER.as_secs_f64();
+        if self.is_sampled(since_start_secs) {
+            self.aside.push(Aside::new(&received, truth, picture.clone()));
+        }
+
         let secs = |time| self.clock.secs_since_origin(time);
         let record = FrameRecord {
             frame: header.frame,
@@ -351,6 +375,10 @@ impl SimulatedHeadset {
             shading: header.quality.shading,
             prediction_error_mm: findings.prediction_error.map(|error| error.position_mm),
             prediction_error_deg: findings.prediction_error.map(|error| error.angle_deg),
+            pose_to_shown_us: shown_at.micros_since(sampled_at),
+            head_deg_per_sec: Some(speed).filter(|_| can_be_known),
+            registration_px: registration.map(|registration| registration.px),
+            registration_deg: registration.map(|registration| registration.angle_deg),
             violations: u32::try_from(findings.violations.len()).unwrap_or(u32::MAX),
         };
         for violation in &findings.violations {
@@ -371,6 +399,18 @@ impl SimulatedHeadset {
             keeper.take(&shown, picture);
         }
         self.run.frames.push(record);
+    }
+
+    fn geometry(&self) -> &HeadGeometry {
+        &self.settings.headset.device.geometry
+    }
+
+    /// The first frame after the middle of each part of the run is put aside.
+    #[expect(clippy::cast_precision_loss, reason = "a count of pictures")]
+    fn is_sampled(&self, since_start_secs: f64) -> bool {
+        let (taken, count) = (self.aside.len(), self.settings.sampled_frames);
+        let part_secs = self.settings.seconds / f64::from(count.max(1));
+        taken < count as usize && since_start_secs >= (taken as f64 + 0.5) * part_secs
     }
 
     /// The first frame that shows a scene that was asked for.
@@ -414,6 +454,7 @@ impl SimulatedHeadset {
         run.path = self.headset.statistics().into();
         run.display_lead_us = u64::try_from(self.timing.lead().as_micros()).unwrap_or(u64::MAX);
         run.end = EndFacts::from(disconnection);
+        run.sampled = self.aside.iter().map(Aside::sampled).collect();
         if let Some(keeper) = self.keeper {
             run.kept = keeper.finish().await;
         }

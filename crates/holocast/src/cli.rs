@@ -35,6 +35,9 @@ pub(crate) enum Command {
     Info(Info),
     /// Write a volume as NIfTI, NRRD or slice atlas, whole or a part of it
     Convert(Convert),
+    /// Measure what pictures are worth, without a network
+    #[command(subcommand)]
+    Bench(Bench),
     /// Name the graphics adapters of this machine
     Adapters {
         /// As JSON
@@ -52,6 +55,66 @@ pub(crate) struct Chosen {
     /// Load a folder although it has images of several patients
     #[arg(long)]
     pub(crate) force: bool,
+}
+
+/// What to measure.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Bench {
+    /// How far the hologram seems to be from where it is, by the age of the pose and the speed of the head
+    Registration(Registration),
+}
+
+/// Replays recorded heads in virtual time and tells the registration error at each age of the pose, with the server's
+/// prediction and without; no network, and the same figures each time. See docs/registration.md.
+#[derive(Debug, Args)]
+pub(crate) struct Registration {
+    /// The traces of head poses (docs/trace-format.md); may be given several times
+    #[arg(long, required = true, value_name = "FILE")]
+    pub(crate) trace: Vec<PathBuf>,
+    /// hololens1, hololens2, or the pixels of one eye as WxH
+    #[arg(long, default_value = "hololens1", value_name = "DEVICE")]
+    pub(crate) device: String,
+    /// Poses a second
+    #[arg(long, default_value_t = 60.0, value_name = "HZ")]
+    pub(crate) hz: f32,
+    /// Ages of the pose when its picture is shown, milliseconds: from 0 to this ...
+    #[arg(long, default_value_t = 100.0, value_name = "MS")]
+    pub(crate) longest_ms: f64,
+    /// ... in steps of this
+    #[arg(long, default_value_t = 10.0, value_name = "MS")]
+    pub(crate) step_ms: f64,
+    /// How far before the head the hologram is, metres
+    #[arg(long, default_value_t = 2.0, value_name = "M")]
+    pub(crate) distance_m: f64,
+    /// Compare exact pictures of this scene too, at the predicted and the true view (JSON, see docs/scene-format.md)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) scene: Option<PathBuf>,
+    /// The volume; by default the one that the scene names, relative to the scene's file
+    #[arg(long, value_name = "FILE")]
+    pub(crate) volume: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) chosen: Chosen,
+    /// Ages at which pictures are compared, milliseconds
+    #[arg(long, value_delimiter = ',', default_value = "20,50,100", value_name = "MS,...")]
+    pub(crate) picture_ages_ms: Vec<f64>,
+    /// Pictures compared at each age, spread over each trace
+    #[arg(long, default_value_t = 12, value_name = "N")]
+    pub(crate) pictures: usize,
+    /// Width and height of these pictures; exact pictures are slow
+    #[arg(long, default_value = "160x90", value_name = "WxH")]
+    pub(crate) picture_size: Size,
+    /// Write the figures here (JSON)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) out: Option<PathBuf>,
+    /// Write a line for each pose and age here (CSV)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) csv: Option<PathBuf>,
+    /// Plot error against age here (PNG or SVG)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) plot: Option<PathBuf>,
+    /// The figures as JSON on standard output, instead of a table
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 /// Serve a volume to headsets.
@@ -177,6 +240,18 @@ pub(crate) struct HeadsetArguments {
     /// How many pairs, spread over the run
     #[arg(long, default_value_t = 6, value_name = "N")]
     pub(crate) save_count: u32,
+    /// When the run is over, hold so many decoded pairs, spread over it, against the exact pictures of the view that
+    /// they were made for and of the view when they were shown. Slow: seconds a picture, so keep --device small
+    #[arg(long, value_name = "N")]
+    pub(crate) verify: Option<u32>,
+    /// For --verify: the volume that the server shows; by default the one that --scene names
+    #[arg(long, value_name = "FILE", requires = "verify")]
+    pub(crate) volume: Option<PathBuf>,
+    /// For --verify: the scene that the server shows at the beginning; without one, the volume in default colours
+    #[arg(long, value_name = "FILE", requires = "verify")]
+    pub(crate) scene: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) chosen: Chosen,
     /// Write the stream as it came here (MP4)
     #[arg(long, value_name = "FILE")]
     pub(crate) record: Option<PathBuf>,

@@ -6,7 +6,7 @@ use std::io::{BufRead, Write};
 /// Columns before the stages.
 const BEFORE: [&str; 3] = ["headset", "frame", "decoded_at_secs"];
 /// Columns after the stages.
-const AFTER: [&str; 10] = [
+const AFTER: [&str; 14] = [
     "clock_error_us",
     "pose_age_at_render_us",
     "pose_to_decoded_us",
@@ -17,6 +17,10 @@ const AFTER: [&str; 10] = [
     "step_scale",
     "prediction_error_mm",
     "prediction_error_deg",
+    "pose_to_shown_us",
+    "head_deg_per_sec",
+    "registration_px",
+    "registration_deg",
 ];
 
 /// Writes all frames of all headsets as comma-separated values (RFC 4180, lines end in `\n`): a header, then one line a
@@ -47,7 +51,7 @@ pub fn write_frames_csv(run: &Run, out: &mut impl Write) -> Result<(), CsvError>
             }
             writeln!(
                 out,
-                ",{},{},{},{},{},{},{},{},{},{}",
+                ",{},{},{},{},{},{},{},{},{},{},{},{},{},{}",
                 frame.clock_error_us,
                 frame.pose_age_at_render_us,
                 frame.pose_to_decoded_us,
@@ -58,6 +62,10 @@ pub fn write_frames_csv(run: &Run, out: &mut impl Write) -> Result<(), CsvError>
                 frame.step_scale,
                 known(frame.prediction_error_mm),
                 known(frame.prediction_error_deg),
+                frame.pose_to_shown_us,
+                known(frame.head_deg_per_sec),
+                known(frame.registration_px),
+                known(frame.registration_deg),
             )?;
         }
     }
@@ -128,6 +136,10 @@ impl Line<'_> {
             step_scale: float(after + 7)?,
             prediction_error_mm: maybe(after + 8)?,
             prediction_error_deg: maybe(after + 9)?,
+            pose_to_shown_us: signed(after + 10)?,
+            head_deg_per_sec: maybe(after + 11)?,
+            registration_px: maybe(after + 12)?,
+            registration_deg: maybe(after + 13)?,
         })
     }
 

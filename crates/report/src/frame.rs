@@ -63,6 +63,16 @@ pub struct FrameRecord {
     pub prediction_error_mm: Option<f64>,
     /// Angle between the two, in degrees; `None` as above.
     pub prediction_error_deg: Option<f64>,
+    /// From the pose to when the picture was shown, in microseconds.
+    #[serde(default)]
+    pub pose_to_shown_us: i64,
+    /// How fast the head turned meanwhile, in degrees a second; `None` if not known.
+    pub head_deg_per_sec: Option<f64>,
+    /// How far points of the hologram seemed to be from where they are when the picture was shown, without reprojection,
+    /// in pixels; `None` if none was seen or that is not known.
+    pub registration_px: Option<f64>,
+    /// The same in degrees.
+    pub registration_deg: Option<f64>,
 }
 
 impl FrameRecord {

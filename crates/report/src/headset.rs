@@ -1,6 +1,8 @@
 //! One headset of a run: what is known of it, and what the report makes of that.
 
 use crate::check::Check;
+use crate::registration::Registration;
+use crate::verification::{Verification, VerificationReport};
 use crate::{Distribution, FrameRecord, StageNames};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -32,6 +34,8 @@ pub struct HeadsetRun {
     pub clock: Option<Clock>,
     /// Every decoded frame, in the order of decoding.
     pub frames: Vec<FrameRecord>,
+    /// Pictures that were held against the exact ones; `None` if nobody asked for that.
+    pub verification: Option<Verification>,
 }
 
 /// What was counted for one headset. What only the server counts is `None` if the server did not tell.
@@ -117,6 +121,12 @@ pub struct HeadsetReport {
     pub prediction_error_mm: Option<Distribution>,
     /// Error of the predicted head orientation, in degrees, over the frames for which it is known.
     pub prediction_error_deg: Option<Distribution>,
+    /// From the pose to when the picture was shown, in microseconds.
+    pub pose_to_shown_us: Option<Distribution>,
+    /// How far points of the hologram seemed to be from where they are, over the frames for which it is known.
+    pub registration: Option<Registration>,
+    /// Pictures that were held against the exact ones.
+    pub verification: Option<VerificationReport>,
 }
 
 /// One stage over many frames.
@@ -197,6 +207,9 @@ impl HeadsetReport {
             prediction_error_deg: Distribution::of(
                 frames.iter().filter_map(|frame| frame.prediction_error_deg),
             ),
+            pose_to_shown_us: distribution(|frame| frame.pose_to_shown_us),
+            registration: Registration::of(frames),
+            verification: headset.verification.as_ref().map(VerificationReport::of),
         }
     }
 }

@@ -16,8 +16,10 @@ mod facts;
 mod frame;
 mod headset;
 mod plot;
+mod registration;
 mod run;
 mod table;
+mod verification;
 
 pub use check::Check;
 pub use csv::{read_frames_csv, write_frames_csv};
@@ -27,4 +29,6 @@ pub use facts::{Machine, Process, Server, Volume};
 pub use frame::{FrameRecord, StageNames};
 pub use headset::{BitRate, Clock, Counters, HeadsetReport, HeadsetRun, QualityGivenUp, StageTimes};
 pub use plot::{Axis, Picture, Plot, Point, Scale, latency, latency_of, pareto_front};
+pub use registration::{Registration, RegistrationClass};
 pub use run::{Everyone, FORMAT, Run, RunReport};
+pub use verification::{PictureError, Verification, VerificationReport, VerifiedFrame};

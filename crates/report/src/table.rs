@@ -1,6 +1,6 @@
 //! A report as tables of plain text, at most 100 columns wide.
 
-use crate::{Distribution, HeadsetReport, Process, RunReport, Server};
+use crate::{Distribution, HeadsetReport, Process, Registration, RunReport, Server};
 use comfy_table::{CellAlignment, Row, Table};
 use std::fmt;
 
@@ -14,6 +14,7 @@ impl fmt::Display for RunReport {
         facts(self, out)?;
         stages(self, out)?;
         headsets(self, out)?;
+        registration(self, out)?;
         verdict(self, out)
     }
 }
@@ -223,6 +224,65 @@ fn headsets(report: &RunReport, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         "  smaller: frames below full resolution; scale: mean width over full width.\n  \
          coarser: frames with a longer step along the ray than at full quality; step: mean, times that."
     )
+}
+
+fn registration(report: &RunReport, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+    let told = || report.headsets.iter().filter_map(|h| Some((&h.name, h.registration.as_ref()?)));
+    if told().next().is_some() {
+        writeln!(
+            out,
+            "\nHeadsets: how far the hologram seemed to be from where it is, without reprojection"
+        )?;
+        let mut table =
+            table(&["headset", "frames", "° p50", "p95", "max", "px p50", "p95", "max", "pose's age p50"]);
+        for headset in &report.headsets {
+            let Some(Registration { deg, px, .. }) = &headset.registration else { continue };
+            table.add_row([
+                cut(&headset.name, NAME),
+                deg.count.to_string(),
+                decimals(deg.p50, 2),
+                decimals(deg.p95, 2),
+                decimals(deg.max, 2),
+                decimals(px.p50, 1),
+                decimals(px.p95, 1),
+                decimals(px.max, 1),
+                format!("{} ms", ms(headset.pose_to_shown_us.map(|age| age.p50))),
+            ]);
+        }
+        print(out, &table)?;
+    }
+    for headset in &report.headsets {
+        let Some(verification) = &headset.verification else { continue };
+        writeln!(out, "\n{}: decoded pictures against the exact ones", cut(&headset.name, NAME))?;
+        let mut table =
+            table(&["against that of", "pictures", "dB p50", "least", "shifted by px p50", "most"]);
+        let of = |name: &str, db: Option<Distribution>, px: Option<Distribution>| {
+            let number = |value: Option<f64>, places| value.map_or("–".to_owned(), |v| decimals(v, places));
+            vec![
+                name.to_owned(),
+                verification.frames.len().to_string(),
+                number(db.map(|db| db.p50), 1),
+                number(db.map(|db| db.min), 1),
+                number(px.map(|px| px.p50), 2),
+                number(px.map(|px| px.max), 2),
+            ]
+        };
+        table.add_row(of(
+            "the view it was made for",
+            verification.rendered_psnr_db,
+            verification.rendered_offset_px,
+        ));
+        table.add_row(of(
+            "the view when it was shown",
+            verification.display_psnr_db,
+            verification.shown_offset_px,
+        ));
+        print(out, &table)?;
+        if verification.skipped > 0 {
+            writeln!(out, "  {} more show another scene.", verification.skipped)?;
+        }
+    }
+    Ok(())
 }
 
 fn wrong(headset: &HeadsetReport) -> u64 {

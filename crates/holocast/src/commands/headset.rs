@@ -3,6 +3,7 @@
 use crate::cli::HeadsetArguments;
 use crate::commands::reporting::{Reporting, judge};
 use crate::commands::simulated::{attended, runtime, settings, trace_named};
+use crate::commands::verification::{Known, verified};
 use anyhow::Context as _;
 use headset::{
     DecodePool, KeepSettings, PictureChoice, PictureSettings, ProcessUsage, SimulatedHeadset,
@@ -20,7 +21,15 @@ pub(crate) fn run(arguments: &HeadsetArguments) -> anyhow::Result<()> {
     let stem = Path::new(&arguments.trace).file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let name = arguments.name.clone().unwrap_or(stem);
     let (stop, stopped) = watch::channel(false);
+    // What cannot be verified is said before the run, not after it.
+    let known = arguments.verify.map(|_| Known::load(arguments)).transpose()?;
+    let settings = settings(simulated, &name, trace, stopped)?;
     let settings = SimulatedSettings {
+        anchors_in_world: match &known {
+            Some(known) => known.exact()?.anchors_in_world(),
+            None => settings.anchors_in_world,
+        },
+        sampled_frames: arguments.verify.unwrap_or(0),
         keep: KeepSettings {
             pictures: arguments.save.clone().map(|directory| PictureSettings {
                 directory,
@@ -28,7 +37,7 @@ pub(crate) fn run(arguments: &HeadsetArguments) -> anyhow::Result<()> {
             }),
             recording: arguments.record.clone(),
         },
-        ..settings(simulated, &name, trace, stopped)?
+        ..settings
     };
     let reporting = Reporting::begin(simulated, "holocast headset");
     let pool =
@@ -47,7 +56,9 @@ pub(crate) fn run(arguments: &HeadsetArguments) -> anyhow::Result<()> {
         attended(run, &stop, line).await
     })?;
     let usage = ProcessUsage::now().since(&before);
+    let took = begun.elapsed();
+    let verified = known.map(|known| verified(&known, &run)).transpose()?;
     let runs = [run];
-    reporting.write(&runs, begun.elapsed(), &usage)?;
-    judge(&runs, &[])
+    reporting.write(&runs, took, &usage, verified.clone())?;
+    judge(&runs, &[], verified.as_ref())
 }

@@ -40,6 +40,6 @@ pub(crate) fn run(arguments: &Load) -> anyhow::Result<()> {
     let run = runtime()?
         .block_on(attended(headset::load(load), &stop, line))
         .context("the system refused threads for the decoders")?;
-    reporting.write(&run.headsets, begun.elapsed(), &run.usage)?;
-    judge(&run.headsets, &run.failed)
+    reporting.write(&run.headsets, begun.elapsed(), &run.usage, None)?;
+    judge(&run.headsets, &run.failed, None)
 }

@@ -1,6 +1,7 @@
 //! What each command does.
 
 mod adapters;
+mod bench_registration;
 mod compare;
 mod convert;
 mod headset;
@@ -11,9 +12,10 @@ mod reporting;
 mod serve;
 mod shown;
 mod simulated;
+mod verification;
 mod viewpoint;
 
-use crate::cli::Command;
+use crate::cli::{Bench, Command};
 
 /// Does what was asked.
 pub(crate) fn run(command: Command) -> anyhow::Result<()> {
@@ -25,6 +27,7 @@ pub(crate) fn run(command: Command) -> anyhow::Result<()> {
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Info(arguments) => info::run(&arguments),
         Command::Convert(arguments) => convert::run(&arguments),
+        Command::Bench(Bench::Registration(arguments)) => bench_registration::run(&arguments),
         Command::Adapters { json } => adapters::run(json),
     }
 }

@@ -5,7 +5,7 @@ use crate::machine;
 use crate::terminal::say;
 use anyhow::{Context as _, bail};
 use headset::{FailedHeadset, HeadsetRun, ProcessUsage};
-use report::{Clock, Counters, FrameRecord, Process, Run, RunReport, Server, StageNames};
+use report::{Clock, Counters, FrameRecord, Process, Run, RunReport, Server, StageNames, Verification};
 use session::Stage;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -37,14 +37,18 @@ impl Reporting {
         }
     }
 
-    /// Writes and prints what was asked for.
+    /// Writes and prints what was asked for; `verified` are pictures of the first headset.
     pub(crate) fn write(
         &self,
         headsets: &[HeadsetRun],
         took: Duration,
         usage: &ProcessUsage,
+        verified: Option<Verification>,
     ) -> anyhow::Result<()> {
-        let run = self.run(headsets, took, usage);
+        let mut run = self.run(headsets, took, usage);
+        if let Some(first) = run.headsets.first_mut() {
+            first.verification = verified;
+        }
         // That stages sum to their frame is no matter of luck: where they do not, no figure is worth printing.
         run.check()?;
         let report = RunReport::from(&run);
@@ -125,6 +129,7 @@ fn headset_run(from: &HeadsetRun) -> report::HeadsetRun {
             .clock
             .map(|c| Clock { server_minus_headset_us: c.server_minus_headset_us, error_us: c.error_us }),
         frames: from.frames.iter().filter_map(frame_record).collect(),
+        verification: None,
     }
 }
 
@@ -145,7 +150,32 @@ fn frame_record(from: &headset::FrameRecord) -> Option<FrameRecord> {
         step_scale: f64::from(from.step_scale),
         prediction_error_mm: from.prediction_error_mm,
         prediction_error_deg: from.prediction_error_deg,
+        pose_to_shown_us: from.pose_to_shown_us,
+        head_deg_per_sec: from.head_deg_per_sec,
+        registration_px: from.registration_px,
+        registration_deg: from.registration_deg,
     })
+}
+
+/// Pictures that are not of the view that their header says: shifted by more than a pixel as it was rendered. Rendering
+/// fewer rays blurs a picture and the codec roughens it, but neither moves it.
+fn misplaced(run: &HeadsetRun, verified: &Verification) -> Vec<String> {
+    let scale_of = |number: u64| {
+        let frame = run.frames.iter().find(|frame| frame.frame == number);
+        frame.map_or(1.0, |frame| f64::from(frame.resolution_scale))
+    };
+    let misplaced = verified.frames.iter().filter_map(|frame| {
+        let offset_px = frame.offset_px?;
+        let most_px = 1.0 / scale_of(frame.frame).clamp(0.1, 1.0);
+        (offset_px > most_px).then(|| {
+            format!(
+                "{}: frame {} is {offset_px:.2} pixels from the exact picture of its own view, expected at most \
+                 {most_px:.2}; is the scene that of the server?",
+                run.name, frame.frame
+            )
+        })
+    });
+    misplaced.collect()
 }
 
 fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
@@ -156,8 +186,15 @@ fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
 }
 
 /// Fails if a headset did not get what it asked for: the exit status tells scripts.
-pub(crate) fn judge(runs: &[HeadsetRun], failed: &[FailedHeadset]) -> anyhow::Result<()> {
+pub(crate) fn judge(
+    runs: &[HeadsetRun],
+    failed: &[FailedHeadset],
+    verified: Option<&Verification>,
+) -> anyhow::Result<()> {
     let mut wrong: Vec<String> = failed.iter().map(|f| format!("{}: {}", f.name, f.error)).collect();
+    if let (Some(run), Some(verified)) = (runs.first(), verified) {
+        wrong.extend(misplaced(run, verified));
+    }
     for run in runs {
         for (kind, violations) in &run.violations {
             let example = violations.examples.first().map(String::as_str).unwrap_or_default();

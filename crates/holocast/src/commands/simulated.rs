@@ -42,6 +42,7 @@ pub(crate) fn settings(
         ending: ending(&arguments.ending)?,
         seconds: arguments.seconds,
         scene_changes: arguments.change_scene.iter().map(|s| scene_change(s)).collect::<Result<_, _>>()?,
+        anchors_in_world: vec![point(&arguments.hologram)?],
         stop: Some(stop),
         ..SimulatedSettings::new(name, headset, trace)
     })

@@ -7,7 +7,7 @@ use std::path::Path;
 
 #[test]
 fn every_command_helps() {
-    let commands = ["serve", "headset", "load", "render", "compare", "info", "convert", "adapters"];
+    let commands = ["serve", "headset", "load", "render", "compare", "bench", "info", "convert", "adapters"];
     let help = run(["--help"]).well();
     for command in commands {
         assert!(help.contains(command), "{command} is not in:\n{help}");
@@ -136,4 +136,32 @@ fn all_peer_scenes_are_drawn() {
     }
     println!("{drawn} scenes drawn");
     assert!(drawn > 0, "no scene in {}", scenes.display());
+}
+
+#[test]
+fn the_registration_error_is_swept_alike_each_time_and_prediction_gains() {
+    let folder = Folder::new();
+    let trace = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/traces/walk-bicycle.jsonl");
+    let scene = folder.write("x-ray.json", br#"{"volume": "ball.nii", "mode": "x-ray"}"#);
+    let sweep = |out: &str| {
+        let (json, csv, plot) = (folder.arg(out), folder.arg("sweep.csv"), folder.arg("sweep.png"));
+        let files = ["--out", &json, "--csv", &csv, "--plot", &plot, "--scene", &scene];
+        let few =
+            ["--step-ms", "50", "--picture-ages-ms", "50", "--pictures", "2", "--picture-size", "32x18"];
+        run([&["bench", "registration", "--trace", trace, "--json"][..], &files, &few].concat()).json()
+    };
+    let found = sweep("one.json");
+    assert_eq!(found, sweep("two.json"));
+    assert_eq!(fs::read(folder.path("one.json")).unwrap(), fs::read(folder.path("two.json")).unwrap());
+    assert_eq!(found["ages_ms"], serde_json::json!([0.0, 50.0, 100.0]));
+    let at_50 = &found["all"]["by_age"][1];
+    let p95 = |which: &str| at_50[which]["deg"]["p95"].as_f64().unwrap();
+    assert!(p95("predicted") < p95("as_it_came") / 2.0, "{at_50}");
+    let pictures = &found["all"]["pictures"][0];
+    let db = |which: &str| pictures[which]["p50"].as_f64().unwrap();
+    assert!(db("predicted_psnr_db") > db("as_it_came_psnr_db") + 3.0, "{pictures}");
+    let poses = found["all"]["poses"].as_u64().unwrap() as usize;
+    assert_eq!(fs::read_to_string(folder.path("sweep.csv")).unwrap().lines().count(), 1 + 3 * poses);
+    assert!(!png(&folder.path("sweep.png")).1);
+    run(["bench", "registration", "--trace", trace, "--longest-ms", "500"]).failed(&["--longest-ms", "100"]);
 }

@@ -1,6 +1,9 @@
 //! Runs that never were: seeded, so that they are the same everywhere.
 
-use report::{Clock, Counters, FrameRecord, HeadsetRun, Machine, Process, Run, Server, StageNames, Volume};
+use report::{
+    Clock, Counters, FrameRecord, HeadsetRun, Machine, PictureError, Process, Run, Server, StageNames,
+    Verification, VerifiedFrame, Volume,
+};
 
 /// The stages of a frame as the sessions name them.
 pub(crate) const STAGES: [&str; 10] = [
@@ -94,6 +97,11 @@ pub(crate) fn headset(name: &str, seed: u64, seconds: f64) -> HeadsetRun {
             step_scale,
             prediction_error_mm: Some(2.0 * chance.share()),
             prediction_error_deg: Some(0.4 * chance.share()).filter(|_| frame % 2 == 0),
+            pose_to_shown_us: pose_to_decoded_us.max(33_333),
+            head_deg_per_sec: Some(80.0 * share),
+            // What a head that turns so fast is off by without prediction.
+            registration_px: Some(80.0 * share * pose_to_decoded_us.max(33_333) as f64 * 4e-5),
+            registration_deg: Some(80.0 * share * pose_to_decoded_us.max(33_333) as f64 * 1e-6),
         });
     }
     let decoded = headset.frames.len() as u64;
@@ -106,7 +114,25 @@ pub(crate) fn headset(name: &str, seed: u64, seconds: f64) -> HeadsetRun {
         decoded,
         ..headset.counters
     };
+    headset.verification =
+        Some(Verification { frames: (0..3).map(|index| verified(10 * index)).collect(), skipped: 1 });
     headset
+}
+
+/// A picture of which little was lost, but that was seen from elsewhere.
+fn verified(frame: u64) -> VerifiedFrame {
+    let error = |psnr_db: f64| PictureError {
+        psnr_db: Some(psnr_db),
+        rmse: 10f64.powf(-psnr_db / 20.0),
+        max_error: 10f64.powf(-psnr_db / 40.0),
+    };
+    VerifiedFrame {
+        frame,
+        at_rendered_pose: error(40.0 + 0.1 * frame as f64),
+        at_display_pose: error(30.0 - 0.2 * frame as f64),
+        offset_px: Some(0.05),
+        display_offset_px: Some(4.0 + 0.1 * frame as f64),
+    }
 }
 
 /// A run of headsets that each ran for so many seconds.
