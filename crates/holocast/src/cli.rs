@@ -31,6 +31,9 @@ pub(crate) enum Command {
     Render(Render),
     /// Say how far one picture is from another: PNG or float data
     Compare(Compare),
+    /// Measure this machine and what it draws
+    #[command(subcommand)]
+    Bench(Bench),
     /// Say what a volume is: dimensions, spacing, orientation, type, range, histogram
     Info(Info),
     /// Write a volume as NIfTI, NRRD or slice atlas, whole or a part of it
@@ -343,6 +346,43 @@ pub(crate) struct Compare {
     #[arg(long, default_value = "0,0,0", value_name = "R,G,B")]
     pub(crate) background: Color,
     /// Figures as JSON on standard output
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// What to measure.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Bench {
+    /// What each quality costs, and how far its picture is from the exact one
+    Accuracy(BenchAccuracy),
+}
+
+/// What each quality costs, and how far its picture is from the exact one.
+///
+/// Draws every scene with every setting of quality, holds the pictures against the exact ones and times the frames.
+/// Writes accuracy.json, accuracy.csv, max-error.png, rmse.png and both as SVG. An interrupted run goes on where it was;
+/// exact pictures are kept and taken again for scenes that have not changed.
+#[derive(Debug, Args)]
+pub(crate) struct BenchAccuracy {
+    /// Scenes, or folders of scenes
+    #[arg(long, num_args = 1.., default_value = "assets/scenes", value_name = "FILE")]
+    pub(crate) scene: Vec<PathBuf>,
+    /// Where results, exact pictures and what was measured so far are kept
+    #[arg(long, default_value = "out/accuracy", value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// Width and height of the pictures
+    #[arg(long, default_value = "320x180", value_name = "WxH")]
+    pub(crate) size: Size,
+    /// Frames to time for each setting; fewer, but three, where they take long
+    #[arg(long, default_value_t = 9, value_name = "N")]
+    pub(crate) frames: usize,
+    /// Only settings of this name, such as draft or 'hardware step 0.5'; may be given several times
+    #[arg(long, value_name = "NAME")]
+    pub(crate) setting: Vec<String>,
+    /// Use the adapter whose name contains this
+    #[arg(long, value_name = "NAME")]
+    pub(crate) adapter: Option<String>,
+    /// What holds for each level as JSON on standard output, instead of a table
     #[arg(long)]
     pub(crate) json: bool,
 }

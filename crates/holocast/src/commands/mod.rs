@@ -1,5 +1,6 @@
 //! What each command does.
 
+mod accuracy;
 mod adapters;
 mod bench_registration;
 mod compare;
@@ -25,6 +26,7 @@ pub(crate) fn run(command: Command) -> anyhow::Result<()> {
         Command::Load(arguments) => load::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
+        Command::Bench(Bench::Accuracy(arguments)) => accuracy::run(&arguments),
         Command::Info(arguments) => info::run(&arguments),
         Command::Convert(arguments) => convert::run(&arguments),
         Command::Bench(Bench::Registration(arguments)) => bench_registration::run(&arguments),

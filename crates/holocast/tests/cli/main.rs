@@ -1,6 +1,7 @@
 //! The binary from outside: arguments in; exit status, output and files out.
 #![expect(clippy::unwrap_used, reason = "a test that cannot set itself up has failed")]
 
+mod bench;
 mod errors;
 mod files;
 mod network;

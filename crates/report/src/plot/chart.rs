@@ -74,6 +74,8 @@ struct Series {
 const WIDTH: f64 = 1000.0;
 const HEIGHT: f64 = 680.0;
 const TEXT: f64 = 14.0;
+/// Width and height of one of many plots.
+const SMALL: [f64; 2] = [440.0, 350.0];
 const HEADER: [&str; 4] = ["series", "x", "y", "label"];
 
 impl Plot {
@@ -177,36 +179,86 @@ impl Plot {
         let points = || self.series.iter().flat_map(|series| &series.points);
         let x = Ruler::around(self.x.scale, points().map(|point| point.x)).laid(frame.left, frame.right);
         let y = Ruler::around(self.y.scale, points().map(|point| point.y)).laid(frame.bottom, frame.top);
-        self.axes(&mut picture, frame, x, y);
+        self.axes(&mut picture, frame, x, y, [9, 8]);
+        if self.draw(&mut picture, frame, x, y) {
+            self.legend(&mut picture, frame, self.has_hollow(x, y));
+        }
+        picture
+    }
+
+    /// Lays several plots out in `columns`, over the same axes and under one legend; all have the same series in the same
+    /// order, and the first one's axes are everyone's.
+    #[must_use]
+    pub fn many(title: &str, plots: &[Self], columns: usize) -> Picture {
+        let columns = columns.max(1);
+        let [width, height] = SMALL;
+        let top = 90.0;
+        let rows = plots.len().div_ceil(columns).max(1);
+        let mut picture = Picture::new(width * columns as f64, top + height * rows as f64);
+        let whole = Frame { left: 24.0, top, right: width * columns as f64 - 24.0, bottom: top };
+        let style = TextStyle::new(20.0, palette::INK).bold();
+        picture.text_within([whole.left, 34.0], whole.width(), title, style);
+        let Some(first) = plots.first() else { return picture };
+        let points = || plots.iter().flat_map(|plot| &plot.series).flat_map(|series| &series.points);
+        let x = Ruler::around(first.x.scale, points().map(|point| point.x));
+        let y = Ruler::around(first.y.scale, points().map(|point| point.y));
+        first.legend(&mut picture, whole, plots.iter().any(|plot| plot.has_hollow(x, y)));
+        for (at, plot) in plots.iter().enumerate() {
+            let (left, upper) = ((at % columns) as f64 * width, top + (at / columns) as f64 * height);
+            let frame = Frame {
+                left: left + 84.0,
+                top: upper + 30.0,
+                right: left + width - 16.0,
+                bottom: upper + height - 62.0,
+            };
+            let (x, y) = (x.laid(frame.left, frame.right), y.laid(frame.bottom, frame.top));
+            let style = TextStyle::new(15.0, palette::INK).bold();
+            picture.text_within([frame.left, frame.top - 9.0], frame.width(), &plot.title, style);
+            let axes = Self { x: first.x.clone(), y: first.y.clone(), ..Self::default() };
+            axes.axes(&mut picture, frame, x, y, [6, 8]);
+            plot.draw(&mut picture, frame, x, y);
+        }
+        picture
+    }
+
+    /// Draws what stands between the axes; whether there is anything.
+    fn draw(&self, picture: &mut Picture, frame: Frame, x: Ruler, y: Ruler) -> bool {
+        let points = || self.series.iter().flat_map(|series| &series.points);
         if !points().any(drawn) {
             let style = TextStyle::new(24.0, palette::FAINT_INK).anchored(Anchor::Middle);
             let middle = [f64::midpoint(frame.left, frame.right), f64::midpoint(frame.top, frame.bottom)];
             picture.text(middle, "no points", style);
-            return picture;
+            return false;
         }
         if self.front {
-            self.draw_front(&mut picture, x, y);
+            self.draw_front(picture, x, y);
         }
         for (index, series) in self.series.iter().enumerate() {
-            series.draw(&mut picture, palette::series(index), x, y);
+            series.draw(picture, palette::series(index), x, y);
         }
         // Over the points, so that none hides a label.
+        let mut taken = Vec::new();
         for point in points().filter(|point| drawn(point) && !point.label.is_empty()) {
-            label(&mut picture, frame, [x.place(point.x), y.place(point.y)], &point.label);
+            label(picture, frame, [x.place(point.x), y.place(point.y)], &point.label, &mut taken);
         }
-        self.legend(&mut picture, frame, x, y);
-        picture
+        true
     }
 
-    fn axes(&self, picture: &mut Picture, frame: Frame, x: Ruler, y: Ruler) {
+    /// Whether a point stands at an axis's end instead of at its own place.
+    fn has_hollow(&self, x: Ruler, y: Ruler) -> bool {
+        let hollow = |point: &Point| drawn(point) && !(x.holds(point.x) && y.holds(point.y));
+        self.series.iter().flat_map(|series| &series.points).any(hollow)
+    }
+
+    fn axes(&self, picture: &mut Picture, frame: Frame, x: Ruler, y: Ruler, ticks: [usize; 2]) {
         let grid = Stroke::solid(palette::GRID, 1.0);
         let style = TextStyle::new(TEXT, palette::INK);
-        for (value, text) in x.ticks(9) {
+        for (value, text) in x.ticks(ticks[0]) {
             let at = x.place(value);
             picture.line(vec![[at, frame.top], [at, frame.bottom]], grid);
             picture.text([at, frame.bottom + 20.0], text, style.anchored(Anchor::Middle));
         }
-        for (value, text) in y.ticks(8) {
+        for (value, text) in y.ticks(ticks[1]) {
             let at = y.place(value);
             picture.line(vec![[frame.left, at], [frame.right, at]], grid);
             picture.text([frame.left - 8.0, at + 5.0], text, style.anchored(Anchor::End));
@@ -234,7 +286,7 @@ impl Plot {
         }
     }
 
-    fn legend(&self, picture: &mut Picture, frame: Frame, x: Ruler, y: Ruler) {
+    fn legend(&self, picture: &mut Picture, frame: Frame, has_hollow: bool) {
         let middle = 66.0;
         let mut left = frame.left;
         let style = TextStyle::new(TEXT, palette::INK);
@@ -257,8 +309,7 @@ impl Plot {
                 picture.line(vec![[left, middle], [left + 22.0, middle]], Stroke::dashed(palette::INK, 1.4));
             });
         }
-        let hollow = |point: &Point| drawn(point) && !(x.holds(point.x) && y.holds(point.y));
-        if self.series.iter().flat_map(|series| &series.points).any(hollow) {
+        if has_hollow {
             item(picture, "0, at the axis's end", &|picture, left| {
                 picture.ring([left + 11.0, middle], 4.0, palette::FAINT_INK);
             });
@@ -288,12 +339,24 @@ fn drawn(point: &Point) -> bool {
     point.x.is_finite() && point.y.is_finite()
 }
 
-/// Writes a label to the right of a point, or to its left where there is no room.
-fn label(picture: &mut Picture, frame: Frame, [x, y]: [f64; 2], text: &str) {
+/// Writes a label beside a point: above its right, or where there is room that no other label has taken.
+fn label(picture: &mut Picture, frame: Frame, [x, y]: [f64; 2], text: &str, taken: &mut Vec<Frame>) {
     let style = TextStyle::new(13.0, palette::FAINT_INK);
-    if x + 9.0 + font::width(text, style.size, false) < frame.right {
-        picture.text([x + 9.0, y - 6.0], text, style);
-    } else {
-        picture.text([x - 9.0, y - 6.0], text, style.anchored(Anchor::End));
-    }
+    let width = font::width(text, style.size, false);
+    let sides = [-6.0, 15.0, -21.0, 30.0, -36.0];
+    let places: Vec<Frame> = sides
+        .into_iter()
+        .flat_map(|down| [x + 9.0, x - 9.0 - width].map(|left| (left, y + down)))
+        .map(|(left, base)| Frame { left, top: base - 11.0, right: left + width, bottom: base + 3.0 })
+        .filter(|f| {
+            f.left > frame.left && f.right < frame.right && f.top > frame.top && f.bottom < frame.bottom
+        })
+        .collect();
+    let overlap =
+        |a: &Frame, b: &Frame| a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
+    let free = places.iter().find(|place| !taken.iter().any(|other| overlap(place, other)));
+    let beside = Frame { left: x + 9.0, top: y - 17.0, right: x + 9.0 + width, bottom: y - 3.0 };
+    let place = *free.or(places.first()).unwrap_or(&beside);
+    picture.text([place.left, place.bottom - 3.0], text, style);
+    taken.push(place);
 }

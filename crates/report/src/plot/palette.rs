@@ -25,11 +25,11 @@ const OKABE_ITO: [Colour; 7] = [
 /// Waiting is grey, so that work stands out.
 const WAITS: [Colour; 3] = [[0xd2, 0xd2, 0xd2, 255], [0xa6, 0xa6, 0xa6, 255], [0x80, 0x80, 0x80, 255]];
 
-/// A colour for the series at `index`.
+/// A colour for the series at `index`; the seventh is black.
 pub(super) fn series(index: usize) -> Colour {
     // Yellow is for areas: a line of it is lost on white.
     const LINES: [usize; 6] = [5, 1, 3, 4, 0, 6];
-    OKABE_ITO[LINES[index % LINES.len()]]
+    LINES.get(index % (LINES.len() + 1)).map_or(INK, |line| OKABE_ITO[*line])
 }
 
 /// A colour for each stage: those that wait are grey.
