@@ -77,7 +77,7 @@ fn a_picture_comes_back_within_its_rounding_and_the_chroma_that_pixels_share() {
     let width = 2 * SIZE_PX[0] as usize;
     let (mut worst, mut most_shared, mut flat) = (0.0f64, 0.0f64, 0);
     for (at, (sent_rgb, back_rgb)) in sent.iter().zip(&back).enumerate() {
-        let (x, y) = (at % width & !1, at / width & !1);
+        let (x, y) = (at % width / 2 * 2, at / width / 2 * 2);
         let block = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dx, dy)| sent[(y + dy) * width + x + dx]);
         let shared = differences([0, 1, 2].map(|c| block.iter().map(|rgb| rgb[c]).sum::<f64>() / 4.0));
         let own = differences(*sent_rgb);
