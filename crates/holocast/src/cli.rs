@@ -38,9 +38,6 @@ pub(crate) enum Command {
     Info(Info),
     /// Write a volume as NIfTI, NRRD or slice atlas, whole or a part of it
     Convert(Convert),
-    /// Measure what pictures are worth, without a network
-    #[command(subcommand)]
-    Bench(Bench),
     /// Name the graphics adapters of this machine
     Adapters {
         /// As JSON
@@ -65,6 +62,8 @@ pub(crate) struct Chosen {
 pub(crate) enum Bench {
     /// How far the hologram seems to be from where it is, by the age of the pose and the speed of the head
     Registration(Registration),
+    /// What each quality costs, and how far its picture is from the exact one
+    Accuracy(BenchAccuracy),
 }
 
 /// Replays recorded heads in virtual time and tells the registration error at each age of the pose, with the server's
@@ -348,13 +347,6 @@ pub(crate) struct Compare {
     /// Figures as JSON on standard output
     #[arg(long)]
     pub(crate) json: bool,
-}
-
-/// What to measure.
-#[derive(Debug, Subcommand)]
-pub(crate) enum Bench {
-    /// What each quality costs, and how far its picture is from the exact one
-    Accuracy(BenchAccuracy),
 }
 
 /// What each quality costs, and how far its picture is from the exact one.

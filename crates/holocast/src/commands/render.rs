@@ -24,6 +24,9 @@ pub(crate) fn run(arguments: &Render) -> anyhow::Result<()> {
 fn approximate(arguments: &Render, outputs: &Outputs<'_>) -> anyhow::Result<()> {
     let mut quality = quality_named(&arguments.quality)?;
     quality.skip_empty = !arguments.no_skip;
+    if arguments.step_mm.is_some() && quality.sampling == ::render::Sampling::Cells {
+        tell(format!("note: the level {} takes no steps: --step-mm changes nothing", arguments.quality));
+    }
     let shown = Shown::load(arguments.scene.as_deref(), arguments.volume.as_deref(), &arguments.chosen)?;
     let gpu = Arc::new(Gpu::open(arguments.adapter.as_deref())?);
     let volume = Arc::new(VolumeOnDevice::upload(&gpu, &shown.loaded.volume, |_| {})?);

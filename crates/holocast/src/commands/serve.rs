@@ -57,9 +57,11 @@ pub(crate) fn run(arguments: &Serve) -> anyhow::Result<()> {
         .context("the system refused threads for the network")?;
     runtime.block_on(async {
         let server = Server::start(settings, &identity, &gpu, &volume, facts, &scene)?;
+        // Before the server tells of itself: who has read that may ask it to stop at once.
+        let stopped = stop_signal()?;
         announce(arguments, &server, &gpu, &description, &identity_folder)?;
         tokio::select! {
-            stopped = stop_signal() => stopped?,
+            () = stopped => {}
             () = server.failed() => {
                 server.shutdown().await;
                 bail!("the device failed; see the log above");
@@ -86,13 +88,17 @@ fn say_usage(json: bool) -> anyhow::Result<()> {
 }
 
 /// Ctrl-C, or the polite signal that service managers send.
-async fn stop_signal() -> anyhow::Result<()> {
+fn stop_signal() -> anyhow::Result<impl Future<Output = ()>> {
     use tokio::signal::unix::{SignalKind, signal};
-    let mut terminate = signal(SignalKind::terminate()).context("no signal handler could be installed")?;
-    tokio::select! {
-        stopped = tokio::signal::ctrl_c() => stopped.context("no signal handler could be installed"),
-        _ = terminate.recv() => Ok(()),
-    }
+    let handler = |kind| signal(kind).context("no signal handler could be installed");
+    let (mut interrupt, mut terminate) =
+        (handler(SignalKind::interrupt())?, handler(SignalKind::terminate())?);
+    Ok(async move {
+        tokio::select! {
+            _ = interrupt.recv() => {}
+            _ = terminate.recv() => {}
+        }
+    })
 }
 
 fn announce(

@@ -65,8 +65,8 @@ fn what_cannot_be_swept_is_told_with_what_there_is() {
     accuracy(&folder, &["--scene", &scene]).failed_after_report(&["broken.json", "fog"]);
     accuracy(&folder, &["--scene", &scene, &scene]).failed(&["broken.json", "named twice"]);
     accuracy(&folder, &["--scene", &scene, "--setting", "superb"]).failed(&["superb", "draft", "exact"]);
-    accuracy(&folder, &["--scene", &scene, "--frames", "0"]).failed(&["--frames", "1 or more"]);
-    accuracy(&folder, &["--scene", &scene, "--size", "0x5"]).failed(&["0x5"]);
+    run(["bench", "accuracy", "--scene", &scene, "--frames", "0"]).failed(&["--frames", "1 or more"]);
+    run(["bench", "accuracy", "--scene", &scene, "--size", "0x5"]).failed(&["0x5"]);
     accuracy(&folder, &["--scene", &scene, "--adapter", "nonesuch"]).failed(&["nonesuch"]);
     run(["bench"]).failed(&["accuracy"]);
 }
