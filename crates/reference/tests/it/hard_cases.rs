@@ -1,8 +1,6 @@
 //! The hard cases, each on every mode: finite, and what the picture means.
 
-mod common;
-
-use common::{Noise, near, noisy, oblique, pixel, ray, scene, volume};
+use crate::common::{Noise, near, noisy, oblique, pixel, ray, scene, volume};
 use reference::{Pixel, Ray, RaySetup, Reference, ReferenceError};
 use scene::{Mode, Scene, SceneError, SceneFile, TransferFunction};
 use spatial::{DAffine3, DMat3, DQuat, DVec3, EyeView, Fov, Pose};
@@ -170,12 +168,14 @@ fn flipped_and_permuted_storage_of_one_field_gives_one_picture() {
     let turn = DMat3::from_quat(DQuat::from_euler(Default::default(), 0.3, 0.2, -0.9));
     let axes = turn * DMat3::from_diagonal(DVec3::new(1.0, 0.7, 2.0));
     let grid = |dims, m, t| Grid::new(dims, DAffine3::from_mat3_translation(m, t)).unwrap();
-    let plain = common::volume_on(grid(dims, axes, DVec3::ZERO), |p| sample(p.x, p.y, p.z));
+    let plain = crate::common::volume_on(grid(dims, axes, DVec3::ZERO), |p| sample(p.x, p.y, p.z));
     let flipped_axes = DMat3::from_cols(-axes.x_axis, axes.y_axis, axes.z_axis);
-    let flipped =
-        common::volume_on(grid(dims, flipped_axes, axes.x_axis * 4.0), |p| sample(4.0 - p.x, p.y, p.z));
+    let flipped = crate::common::volume_on(grid(dims, flipped_axes, axes.x_axis * 4.0), |p| {
+        sample(4.0 - p.x, p.y, p.z)
+    });
     let swapped_axes = DMat3::from_cols(axes.z_axis, axes.x_axis, axes.y_axis);
-    let swapped = common::volume_on(grid([6, 5, 4], swapped_axes, DVec3::ZERO), |p| sample(p.y, p.z, p.x));
+    let swapped =
+        crate::common::volume_on(grid([6, 5, 4], swapped_axes, DVec3::ZERO), |p| sample(p.y, p.z, p.x));
     assert!(flipped.grid().is_left_handed() && !plain.grid().is_left_handed());
     for _ in 0..30 {
         let (from, to) = (axes * noise.point(-9.0, 12.0), axes * noise.point(0.0, 4.0));

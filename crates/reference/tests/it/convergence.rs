@@ -1,9 +1,7 @@
 //! Orders of convergence: how fast the picture of a sampled signal nears that of the signal itself as the grid and the
 //! pixels are refined. A silent loss of order fails.
 
-mod common;
-
-use common::{pixel, scene, volume};
+use crate::common::{pixel, scene, volume};
 use reference::{Field, Ray, RaySetup, Reference};
 use scene::Camera;
 use spatial::DVec3;
@@ -82,7 +80,7 @@ fn the_gradient_of_a_blob_nears_its_closed_form_in_second_order() {
     second_order(errors(|h| {
         let v = blob(h);
         let field = Field::new(&v.channels()[0], v.grid());
-        let mut noise = common::Noise(9);
+        let mut noise = crate::common::Noise(9);
         let square: f64 = (0..500)
             .map(|_| {
                 let p = noise.point(-8.0, 8.0);

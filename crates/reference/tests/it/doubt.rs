@@ -1,8 +1,6 @@
 //! Pixels at a jump of the picture are found, and judged by the answer they chose.
 
-mod common;
-
-use common::{near, pixel, ray, scene, volume};
+use crate::common::{near, pixel, ray, scene, volume};
 use reference::{Answers, Pixel, Ray, RaySetup, Reference, Tolerance, Uncertainty, judge};
 use scene::{Camera, Scene};
 use spatial::DVec3;

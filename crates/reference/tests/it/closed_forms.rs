@@ -1,8 +1,6 @@
 //! The reference against closed forms.
 
-mod common;
-
-use common::{Noise, near, oblique, pixel, ray, scene, volume, volume_on};
+use crate::common::{Noise, near, oblique, pixel, ray, scene, volume, volume_on};
 use reference::{Field, RaySetup, Reference};
 use scene::{HIGHEST_OPACITY_PER_MM, Headlight};
 use spatial::{DQuat, DVec3, EyeView, Fov, HeadGeometry, Pose};
@@ -314,7 +312,7 @@ fn eye(position_m: DVec3, fov: Fov) -> EyeView {
 
 #[test]
 fn eyes_without_distance_see_the_same() {
-    let v = common::noisy(oblique([8, 9, 7], [20.0, 15.0, 30.0]), 4);
+    let v = crate::common::noisy(oblique([8, 9, 7], [20.0, 15.0, 30.0]), 4);
     let s = scene(&v, r#"{"transfer": [[0.2, 1, 0, 0, 0], [1, 0, 1, 1, 0.1]], "shade": true}"#);
     let reference = Reference::new(&v, &s).unwrap();
     let volume_from_world = s.placement.world_from_volume(v.grid()).inverse();

@@ -3,9 +3,7 @@
 //! Nothing here knows of cells, cubics or knots. Value and gradient are the definition's (clamped trilinear value,
 //! central differences of it), written out again; emission and absorption is a midpoint sum.
 
-mod common;
-
-use common::{Noise, near, noisy, oblique, pixel, scene};
+use crate::common::{Noise, near, noisy, oblique, pixel, scene};
 use reference::Ray;
 use scene::{Mode, Scene, TransferFunction};
 use spatial::{DMat3, DVec3};
@@ -156,7 +154,7 @@ fn check(json: &str, color: f64, steps: f64, change: impl Fn(&mut Scene, &mut No
         let size = DVec3::from_array(dims.map(f64::from));
         let inside = noise.point(0.0, 1.0) * size - 0.5;
         let from = if seed % 3 == 0 { noise.point(0.0, 1.0) * size - 0.5 } else { noise.point(-9.0, 12.0) };
-        let ray = common::ray(&volume, from, inside);
+        let ray = crate::common::ray(&volume, from, inside);
         let per_mm = volume.grid().volume_from_index().matrix3.inverse().transpose();
         let Some(sum) = (Dumb { volume: &volume, scene: &scene, ray, per_mm }).sum() else { continue };
         let found = pixel(&volume, &scene, &ray);

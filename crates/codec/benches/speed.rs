@@ -1,6 +1,6 @@
-//! How long encoding, decoding and colour conversion take. Run with
-//! `cargo test -p codec --test speed -- --ignored --nocapture`.
+//! How long encoding, decoding and colour conversion take: `cargo bench -p codec`.
 
+#[path = "../tests/common/mod.rs"]
 mod common;
 
 use codec::{Complexity, Decoder, Encoder, EncoderSettings};
@@ -9,23 +9,21 @@ use std::time::{Duration, Instant};
 
 const FRAMES: u32 = 60;
 
-#[test]
-#[ignore = "prints figures, proves nothing"]
-fn milliseconds_a_frame() {
+fn main() -> Result<(), Box<dyn std::error::Error>> {
     for (width_px, height_px, bitrate_bps) in [(640, 180, 3_000_000), (2536, 720, 20_000_000)] {
         let pictures: Vec<_> = (0..FRAMES).map(|frame| moving_yuv(width_px, height_px, frame)).collect();
         for complexity in [Complexity::Low, Complexity::Medium, Complexity::High] {
             let settings = encoder(width_px, height_px, bitrate_bps).settings();
-            let mut encoder = Encoder::new(EncoderSettings { complexity, ..settings }).unwrap();
-            let mut decoder = Decoder::new().unwrap();
+            let mut encoder = Encoder::new(EncoderSettings { complexity, ..settings })?;
+            let mut decoder = Decoder::new()?;
             let (mut encode, mut decode, mut convert) = (Vec::new(), Vec::new(), Vec::new());
             let (mut bytes, mut worst_db) = (0, f64::INFINITY);
             for picture in &pictures {
                 let begin = Instant::now();
-                let access_unit = encoder.encode(picture.as_frame(), false).unwrap();
+                let access_unit = encoder.encode(picture.as_frame(), false)?;
                 encode.push(begin.elapsed());
                 let begin = Instant::now();
-                let decoded = decoder.decode(&access_unit.bytes).unwrap();
+                let decoded = decoder.decode(&access_unit.bytes)?;
                 decode.push(begin.elapsed());
                 let begin = Instant::now();
                 let rgb = decoded.to_rgb8();
@@ -40,10 +38,11 @@ fn milliseconds_a_frame() {
                 median_ms(encode),
                 median_ms(decode),
                 median_ms(convert),
-                encoder.codec_string().unwrap()
+                encoder.codec_string().unwrap_or_default()
             );
         }
     }
+    Ok(())
 }
 
 fn median_ms(mut times: Vec<Duration>) -> f64 {
