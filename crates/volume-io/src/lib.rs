@@ -21,6 +21,7 @@ mod nifti;
 mod nrrd;
 mod pieces;
 mod raw;
+mod recorded;
 mod samples;
 mod save;
 mod sidecar;

@@ -3,9 +3,10 @@
 //! Source of the layout and of what the fields mean: the MetaIO library of ITK, whose positions are in the patient's
 //! space, left, posterior, superior. Why the header is read here: `docs/decisions/0016-nrrd-and-metaimage.md`.
 
-use crate::load::{checked_axis, checked_scaling, finish};
+use crate::load::{checked_axis, checked_scaling};
 use crate::pieces::{Pieces, Skipped, listed, numbered};
-use crate::samples::{self, ByteOrder, Run, StoredType};
+use crate::recorded::Recorded;
+use crate::samples::{ByteOrder, StoredType};
 use crate::source::{Part, Source};
 use crate::stream::{self, Encoding, Stream};
 use crate::text::{Lines, integers, numbers, short};
@@ -13,7 +14,7 @@ use crate::{Format, LoadError, LoadOptions, Loaded};
 use spatial::{DAffine3, DMat3, DVec3};
 use std::collections::BTreeMap;
 use std::io::Read;
-use volume::{Channel, ChannelKind, Grid};
+use volume::Grid;
 
 /// Most axes of a file, as in MetaIO.
 const MOST_AXES: i64 = 10;
@@ -91,44 +92,21 @@ pub(crate) fn load(
     if steps > 1 {
         notes.push(format!("a series of {steps} volumes: the first one is loaded"));
     }
-    let grid = header.grid(dims, sizes.len(), &mut notes)?;
     let stored = header.stored_type()?;
-
-    // Three axes of 15 bits and samples of at most 8 bytes: no product overflows 64 bits.
-    let count = grid.voxel_count();
-    options.check_size(&file, count as u128 * stored.held_bytes() as u128)?;
-    let bytes = count as u64 * stored.bytes() as u64;
-    let whole = bytes.checked_mul(steps).ok_or_else(|| {
-        header.wrong("DimSize", "a file of less than 2^64 bytes", &format!("{steps} volumes"))
-    })?;
-
     let encoding = header.encoding()?;
-    let order = header.byte_order(stored, encoding)?;
-    let (slope, intercept) = header.scaling()?;
-    let mut stream = open(source, part, &header, &sizes, Data { encoding, stored, bytes, whole })?;
-    let Stream { holds_at_most, packed, .. } = stream;
-    let run = Run { file: &file, stored, order, count, holds_at_most, packed };
-    let held = samples::read(&mut stream.input, &run, options)?;
-    if steps == 1 && encoding == Encoding::Deflate {
-        stream::check_tail(&file, &mut stream, &mut notes)?;
-    }
-    held.note(stored, slope, &mut notes);
-
-    let kind = options.kind.unwrap_or(ChannelKind::Intensity);
-    let name = if kind == ChannelKind::Label { "labels" } else { "image" }.to_owned();
-    let channel = Channel { name, kind, voxels: held.voxels, slope, intercept };
-    finish(&file, Format::MetaImage, grid, vec![channel], notes)
-}
-
-/// What the header says about the data.
-#[derive(Clone, Copy)]
-struct Data {
-    encoding: Encoding,
-    stored: StoredType,
-    /// Bytes of the volume, as raw samples.
-    bytes: u64,
-    /// Bytes of all volumes of the series.
-    whole: u64,
+    let recorded = Recorded {
+        format: Format::MetaImage,
+        grid: header.grid(dims, sizes.len(), &mut notes)?,
+        encoding,
+        stored,
+        order: header.byte_order(stored, encoding)?,
+        steps,
+        scaling: header.scaling()?,
+        labels: false,
+    };
+    recorded.check_size(&file, "DimSize", options)?;
+    let stream = open(source, part, &header, &sizes, &recorded)?;
+    recorded.load(&file, stream, encoding == Encoding::Deflate, options, notes)
 }
 
 fn open<'s, 'a>(
@@ -136,7 +114,7 @@ fn open<'s, 'a>(
     part: Part<'a>,
     header: &Header,
     sizes: &[i64],
-    data: Data,
+    recorded: &Recorded,
 ) -> Result<Stream<Box<dyn Read + 's>>, LoadError> {
     let skipped = match header.integer(&["HeaderSize"], 0)? {
         -1 => Skipped::AllBeforeEnd,
@@ -145,7 +123,7 @@ fn open<'s, 'a>(
         }
     };
     let one = |part: Part<'a>, skipped| -> Result<Stream<Box<dyn Read + 's>>, LoadError> {
-        stream::open(part, data.encoding, data.stored, skipped, data.bytes)
+        stream::open(part, recorded, skipped)
     };
     let named = header.required(DATA)?;
     let words: Vec<&str> = named.split_whitespace().collect();
@@ -175,16 +153,16 @@ fn open<'s, 'a>(
         let expected = format!("{} files, as DimSize says", expected.unwrap_or(u64::MAX));
         return Err(header.wrong(DATA, expected, &format!("{files} files")));
     }
-    if data.encoding != Encoding::Raw {
+    if recorded.encoding != Encoding::Raw {
         let expected = "one file, or several of raw voxels";
         return Err(header.wrong(DATA, expected, &format!("{files} files that are not raw")));
     }
     // As many bytes in each, since their number is the product of the axes that they do not have.
-    let bytes = data.whole / files;
-    let wanted = data.bytes.div_ceil(bytes) as usize;
+    let bytes = recorded.whole() / files;
+    let wanted = recorded.bytes().div_ceil(bytes) as usize;
     let names = names.into_iter().take(wanted).collect();
     let chain = Pieces { source, field: DATA, names, skipped, bytes }.open()?;
-    Ok(Stream { input: Box::new(chain), holds_at_most: data.bytes, packed: None })
+    Ok(Stream { input: Box::new(chain), holds_at_most: recorded.bytes(), packed: None })
 }
 
 /// The fields as text. Names and comments, which may name the patient, are not kept.

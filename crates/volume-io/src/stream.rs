@@ -3,7 +3,7 @@
 use crate::LoadError;
 use crate::load::broken;
 use crate::pieces::Skipped;
-use crate::samples::StoredType;
+use crate::recorded::Recorded;
 use crate::source::Part;
 use crate::text::{TextSamples, most_sample_bytes};
 use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
@@ -35,21 +35,20 @@ pub(crate) enum Encoding {
     Deflate,
 }
 
-/// The voxels that begin where `part` stands: `bytes` of them after what is `skipped`.
+/// The voxels that begin where `part` stands, after what is `skipped`.
 pub(crate) fn open<'a>(
     mut part: Part<'a>,
-    encoding: Encoding,
-    stored: StoredType,
+    recorded: &Recorded,
     skipped: Skipped,
-    bytes: u64,
 ) -> Result<Stream<Box<dyn Read + 'a>>, LoadError> {
+    let Recorded { encoding, stored, .. } = *recorded;
     let file = part.name.clone();
     let unreadable = |source| LoadError::Unreadable { file: file.clone(), source };
     let at = part.input.stream_position().map_err(unreadable)?;
     let left = part.length.saturating_sub(at);
     let (input, holds_at_most, packed): (Box<dyn Read + 'a>, _, _) = match encoding {
         Encoding::Raw => {
-            let offset = skipped.offset(&file, left, bytes)?;
+            let offset = skipped.offset(&file, left, recorded.bytes())?;
             part.input.seek(SeekFrom::Start(at + offset)).map_err(unreadable)?;
             return Ok(Stream { input: Box::new(part.input), holds_at_most: left - offset, packed: None });
         }

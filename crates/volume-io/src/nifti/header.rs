@@ -190,9 +190,10 @@ impl Header {
         Ok(dims)
     }
 
-    /// Whether more volumes follow the first.
-    pub(crate) fn is_series(&self) -> bool {
-        self.dim[0] >= 4 && self.dim[4] > 1
+    /// Volumes that follow each other.
+    pub(crate) fn steps(&self) -> u64 {
+        // Known to be positive once the dimensions are.
+        if self.dim[0] >= 4 { self.dim[4].unsigned_abs() } else { 1 }
     }
 
     /// Type of the samples. `bitpix` says the same again and is not needed.

@@ -6,13 +6,12 @@
 mod geometry;
 mod header;
 
-use crate::load::{broken, finish, read_promised};
-use crate::samples::{self, Run};
-use crate::stream::{self, Stream};
+use crate::load::{broken, read_promised};
+use crate::recorded::Recorded;
+use crate::stream::{Encoding, Stream};
 use crate::{Format, LoadError, LoadOptions, Loaded};
 use header::{Header, Version};
 use std::io::Read;
-use volume::{Channel, ChannelKind};
 
 pub(crate) use header::is_header;
 
@@ -31,15 +30,22 @@ pub(crate) fn load(
     let header = Header::read(file, &mut stream.input, packed)?;
     let mut notes = Vec::new();
     let dims = header.dims(file, &mut notes)?;
-    let stored = header.stored_type(file)?;
-    let grid = geometry::grid(file, &header, dims, &mut notes)?;
-
-    // Three dimensions of at most 32 767 and samples of at most 8 bytes: no product overflows 64 bits.
-    let count = grid.voxel_count();
-    options.check_size(file, count as u128 * stored.held_bytes() as u128)?;
-    let bytes = count as u64 * stored.bytes() as u64;
+    let mut recorded = Recorded {
+        format: match header.version {
+            Version::One => Format::Nifti1,
+            Version::Two => Format::Nifti2,
+        },
+        stored: header.stored_type(file)?,
+        grid: geometry::grid(file, &header, dims, &mut notes)?,
+        encoding: Encoding::Raw,
+        order: header.order,
+        steps: header.steps(),
+        scaling: header.scaling(file, &mut notes)?,
+        labels: header.intent_code == INTENT_LABEL,
+    };
+    recorded.check_size(file, "dim", options)?;
     let offset = header.voxel_offset(file, &mut notes)?;
-    let promised = offset.saturating_add(bytes);
+    let promised = offset.saturating_add(recorded.bytes());
     if packed.is_none() && promised > stream.holds_at_most {
         return Err(LoadError::Truncated {
             file: file.to_owned(),
@@ -48,24 +54,8 @@ pub(crate) fn load(
             found: stream.holds_at_most,
         });
     }
-
-    let label_table = pass_extensions(file, &mut stream, offset - header.length())?;
-    let run = Run { file, stored, order: header.order, count, holds_at_most: stream.holds_at_most, packed };
-    let held = samples::read(&mut stream.input, &run, options)?;
-    if !header.is_series() {
-        stream::check_tail(file, &mut stream, &mut notes)?;
-    }
-
-    let (slope, intercept) = header.scaling(file, &mut notes)?;
-    held.note(stored, slope, &mut notes);
-    let labels = header.intent_code == INTENT_LABEL || label_table;
-    let kind = options.kind.unwrap_or(if labels { ChannelKind::Label } else { ChannelKind::Intensity });
-    let name = if kind == ChannelKind::Label { "labels" } else { "image" }.to_owned();
-    let format = match header.version {
-        Version::One => Format::Nifti1,
-        Version::Two => Format::Nifti2,
-    };
-    finish(file, format, grid, vec![Channel { name, kind, voxels: held.voxels, slope, intercept }], notes)
+    recorded.labels |= pass_extensions(file, &mut stream, offset - header.length())?;
+    recorded.load(file, stream, true, options, notes)
 }
 
 /// Passes over what lies between header and voxels. Says whether a label table is there: few label maps say in their

@@ -6,16 +6,16 @@
 mod geometry;
 mod header;
 
-use crate::load::{checked_axis, finish};
+use crate::load::checked_axis;
 use crate::pieces::{Pieces, Skipped, listed, numbered};
-use crate::samples::{self, Run, StoredType};
+use crate::recorded::Recorded;
+use crate::samples::StoredType;
 use crate::source::{Part, Source};
 use crate::stream::{self, Encoding, Stream};
 use crate::text::{integers, short};
 use crate::{Format, LoadError, LoadOptions, Loaded};
 use header::Header;
 use std::io::{BufRead as _, Read};
-use volume::{Channel, ChannelKind};
 
 pub(crate) use header::is_header;
 
@@ -43,44 +43,21 @@ pub(crate) fn load(
     if steps > 1 {
         notes.push(format!("a series of {steps} volumes: the first one is loaded"));
     }
-    let grid = geometry::grid(&file, &header, &axes, dims, &mut notes)?;
     let stored = stored_type(&file, header.required("type")?)?;
-
-    // Three axes of 15 bits and samples of at most 8 bytes: no product overflows 64 bits.
-    let count = grid.voxel_count();
-    options.check_size(&file, count as u128 * stored.held_bytes() as u128)?;
-    let bytes = count as u64 * stored.bytes() as u64;
-    let whole = bytes.checked_mul(steps).ok_or_else(|| {
-        LoadError::field(&file, "sizes", "a file of less than 2^64 bytes", &format!("{steps} volumes"))
-    })?;
-
     let encoding = encoding(&file, header.required("encoding")?)?;
-    let order = header.byte_order(stored, encoding)?;
-    let mut stream = open(source, part, &header, &axes, Data { encoding, stored, bytes, whole })?;
-    let Stream { holds_at_most, packed, .. } = stream;
-    let run = Run { file: &file, stored, order, count, holds_at_most, packed };
-    let held = samples::read(&mut stream.input, &run, options)?;
-    if steps == 1 && encoding == Encoding::Deflate {
-        stream::check_tail(&file, &mut stream, &mut notes)?;
-    }
-    held.note(stored, 1.0, &mut notes);
-
-    let kind = if header.is_segmentation { ChannelKind::Label } else { ChannelKind::Intensity };
-    let kind = options.kind.unwrap_or(kind);
-    let name = if kind == ChannelKind::Label { "labels" } else { "image" }.to_owned();
-    let channel = Channel { name, kind, voxels: held.voxels, slope: 1.0, intercept: 0.0 };
-    finish(&file, Format::Nrrd, grid, vec![channel], notes)
-}
-
-/// What the header says about the data.
-#[derive(Clone, Copy)]
-struct Data {
-    encoding: Encoding,
-    stored: StoredType,
-    /// Bytes of the volume, as raw samples.
-    bytes: u64,
-    /// Bytes of all volumes of the series.
-    whole: u64,
+    let recorded = Recorded {
+        format: Format::Nrrd,
+        grid: geometry::grid(&file, &header, &axes, dims, &mut notes)?,
+        encoding,
+        stored,
+        order: header.byte_order(stored, encoding)?,
+        steps,
+        scaling: (1.0, 0.0),
+        labels: header.is_segmentation,
+    };
+    recorded.check_size(&file, "sizes", options)?;
+    let stream = open(source, part, &header, &axes, &recorded)?;
+    recorded.load(&file, stream, encoding == Encoding::Deflate, options, notes)
 }
 
 fn open<'s, 'a>(
@@ -88,7 +65,7 @@ fn open<'s, 'a>(
     part: Part<'a>,
     header: &Header,
     axes: &geometry::Axes,
-    data: Data,
+    recorded: &Recorded,
 ) -> Result<Stream<Box<dyn Read + 's>>, LoadError> {
     let file = part.name.clone();
     let lines = header.integer(&["line skip", "lineskip"], 0)?;
@@ -110,24 +87,24 @@ fn open<'s, 'a>(
         for _ in 0..lines {
             skip_line(&mut part)?;
         }
-        stream::open(part, data.encoding, data.stored, skipped, data.bytes)
+        stream::open(part, recorded, skipped)
     };
     let Some(named) = header.get(&["data file", "datafile"]) else { return one(part) };
     const FIELD: &str = "data file";
-    let names = match file_names(&file, named, header, axes, data)? {
+    let names = match file_names(&file, named, header, axes, recorded)? {
         Names::One(name) => return one(source.open_within_folder(FIELD, &name)?),
         Names::Several(names) => names,
     };
-    if data.encoding != Encoding::Raw || lines > 0 {
+    if recorded.encoding != Encoding::Raw || lines > 0 {
         let expected = "one file, or several of raw voxels without lines to skip";
         let found = format!("{} files that are not raw", names.len());
         return Err(LoadError::field(&file, FIELD, expected, &found));
     }
-    let bytes = data.whole / names.len() as u64;
-    let wanted = data.bytes.div_ceil(bytes) as usize;
+    let bytes = recorded.whole() / names.len() as u64;
+    let wanted = recorded.bytes().div_ceil(bytes) as usize;
     let names = names.into_iter().take(wanted).collect();
     let chain = Pieces { source, field: FIELD, names, skipped, bytes }.open()?;
-    Ok(Stream { input: Box::new(chain), holds_at_most: data.bytes, packed: None })
+    Ok(Stream { input: Box::new(chain), holds_at_most: recorded.bytes(), packed: None })
 }
 
 enum Names {
@@ -141,7 +118,7 @@ fn file_names(
     named: &str,
     header: &Header,
     axes: &geometry::Axes,
-    data: Data,
+    recorded: &Recorded,
 ) -> Result<Names, LoadError> {
     const FIELD: &str = "data file";
     let words: Vec<&str> = named.split_whitespace().collect();
@@ -167,7 +144,7 @@ fn file_names(
     let slices = axes.sizes[axes_a_file..].iter().try_fold(1u64, |n, &s| n.checked_mul(s.unsigned_abs()));
     let slowest = axes.sizes[all_axes - 1].unsigned_abs();
     let fits = if axes_a_file == all_axes { slowest.is_multiple_of(files) } else { slices == Some(files) };
-    if !fits || !data.whole.is_multiple_of(files) {
+    if !fits || !recorded.whole().is_multiple_of(files) {
         let expected = match slices {
             Some(slices) if axes_a_file < all_axes => format!("{slices} files, as sizes say"),
             _ => format!("files that share {slowest} slices evenly"),
