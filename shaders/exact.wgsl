@@ -26,6 +26,9 @@ struct Stretch {
 const LEAST_PIECE: f32 = 1.52587890625e-5;
 // Pieces of lit matter begin no longer: a highlight is narrow.
 const LIT_PIECE: f32 = 0.25;
+// How far gradients of neighbouring nodes may differ, as a part of the smaller one. Lit colour as a function of the place
+// has its singularity where the gradient is 0; up to this difference that lies half a piece away or farther.
+const GRADIENT_APART: f32 = 0.5;
 // Rounds of six guesses each.
 const ROOT_ROUNDS: i32 = 4;
 // The opacity of a pixel whose ray was not followed to its end. Mesa's software driver leaves the loops of a shader after
@@ -272,8 +275,8 @@ fn root_of(c: vec4<f32>, low: f32, high: f32, value: f32) -> f32 {
     return b.u;
 }
 
-// The gradient on the way from a to b through a cell, by index, up to a common factor: three cubics. Inside a cell the
-// central difference is the trilinear interpolation of those at its corners.
+// The gradient on the way from a to b through a cell, in millimetres, up to a common factor: three cubics. Inside a cell
+// the central difference is the trilinear interpolation of those at its corners.
 struct Gradient {
     x: vec4<f32>,
     y: vec4<f32>,
@@ -293,12 +296,24 @@ fn gradient_across(cell: vec3<i32>, c: array<f32, 8>, a: vec3<f32>, b: vec3<f32>
         y[i] = (stored(p + vec3<i32>(0, out.y, 0)) - at_corner[i ^ 2u]) * f32(out.y);
         z[i] = (stored(p + vec3<i32>(0, 0, out.z)) - at_corner[i ^ 4u]) * f32(out.z);
     }
-    return Gradient(across(x, a, b), across(y, a, b), across(z, a, b));
+    let per_index = mat3x4<f32>(across(x, a, b), across(y, a, b), across(z, a, b));
+    let most = max(max(abs(per_index[0]), abs(per_index[1])), abs(per_index[2]));
+    let strongest = max(max(most.x, most.y), max(most.z, most.w));
+    if (!(strongest > 0.0)) {
+        return Gradient(vec4<f32>(0.0), vec4<f32>(0.0), vec4<f32>(0.0));
+    }
+    // Scaled: the squares of differences of a float volume may be too small for float32.
+    let scaled = per_index * (1.0 / strongest);
+    return Gradient(scaled * frame.gradient_x, scaled * frame.gradient_y, scaled * frame.gradient_z);
 }
 
-fn cosine_at(gradient: Gradient, u: f32, direction_mm: vec3<f32>) -> f32 {
-    let g = vec3<f32>(cubic_at(gradient.x, u), cubic_at(gradient.y, u), cubic_at(gradient.z, u));
-    return cosine_of(g, direction_mm);
+fn gradient_at(g: Gradient, u: f32) -> vec3<f32> {
+    return vec3<f32>(cubic_at(g.x, u), cubic_at(g.y, u), cubic_at(g.z, u));
+}
+
+fn is_apart(a: vec3<f32>, b: vec3<f32>) -> bool {
+    let d = b - a;
+    return dot(d, d) > GRADIENT_APART * GRADIENT_APART * min(dot(a, a), dot(b, b));
 }
 
 // Boole's rule: the integral over five nodes a quarter apart, and those from the first node to each.
@@ -313,6 +328,8 @@ fn emission_absorption_exact(ray: Ray) -> Pixel {
     // What a piece may be off by: what a ray's end may.
     let piece_error = max(frame.least_transmittance, 1.0e-5);
     let deepest = -log(max(frame.least_transmittance, 1.0e-12));
+    // What the gradient's direction can do to a colour.
+    let light_turned = frame.light.y + frame.light.z;
     var is_whole = true;
     var walk = walk_of(ray);
     while (is_walking(walk, ray) && optical_depth < deepest) {
@@ -367,13 +384,18 @@ fn emission_absorption_exact(ray: Ray) -> Pixel {
                 let part = min(longest, end - begin);
                 var x: array<f32, 5>;
                 var c: array<vec3<f32>, 5>;
+                var before_it = vec3<f32>(0.0);
+                var turns_between = false;
                 for (var i = 0; i < 5; i += 1) {
                     let place = begin + part * 0.25 * f32(i);
                     let o = optical_in(here, cubic_at(value, place));
                     x[i] = extinction_of(o.a) * part * passage.length_mm;
                     c[i] = o.rgb;
                     if (LIT) {
-                        c[i] = lit(o.rgb, cosine_at(gradient, place, ray.direction_mm));
+                        let g = gradient_at(gradient, place);
+                        c[i] = lit(o.rgb, cosine_between(g, ray.direction_mm));
+                        turns_between = turns_between || (i > 0 && is_apart(before_it, g));
+                        before_it = g;
                     }
                 }
                 // The optical depth at each node is the integral of the quartic through the five.
@@ -400,7 +422,12 @@ fn emission_absorption_exact(ray: Ray) -> Pixel {
                 }
                 let off_color = abs(seen - seen_coarsely);
                 let off_depth = abs(d_4 - (x[0] + 4.0 * x[2] + x[4]) / 6.0) * (1.0 - opacity);
-                let off = max(max(max(off_color.x, off_color.y), off_color.z), max(off_depth, abs(fine - opacity)));
+                var off = max(max(max(off_color.x, off_color.y), off_color.z), max(off_depth, abs(fine - opacity)));
+                if (turns_between) {
+                    // Where the gradient all but vanishes it turns round within less than the nodes are apart, and light
+                    // falls to ambient and rises again unseen by either rule.
+                    off = max(off, opacity * light_turned);
+                }
                 let light = exp(-optical_depth);
                 if (off * light > piece_error && part > LEAST_PIECE) {
                     longest = 0.5 * part;
@@ -486,7 +513,8 @@ fn first_crossing_exact(ray: Ray) -> Pixel {
     }
     out.depth_mm = found.begin_mm + found.length_mm * u;
     let p = found.begin + (found.end - found.begin) * u;
-    let cosine = cosine_at(gradient_across(found.cell, corners_of(found.cell), p, p), 0.0, ray.direction_mm);
+    let gradient = gradient_at(gradient_across(found.cell, corners_of(found.cell), p, p), 0.0);
+    let cosine = cosine_between(gradient, ray.direction_mm);
     out.opacity = frame.surface_opacity;
     out.color = lit(frame.surface_color, cosine) * out.opacity;
     return out;

@@ -56,6 +56,11 @@ fn cosine_of(g: vec3<f32>, direction_mm: vec3<f32>) -> f32 {
     }
     // Scaled first: the squares of differences of a float volume may be too small for float32.
     let n = (g / strongest) * mat3x3<f32>(frame.gradient_x, frame.gradient_y, frame.gradient_z);
+    return cosine_between(n, direction_mm);
+}
+
+// The same, of a gradient in millimetres whose square float32 can hold.
+fn cosine_between(n: vec3<f32>, direction_mm: vec3<f32>) -> f32 {
     let length_squared = dot(n, n);
     if (!(length_squared > 0.0)) {
         return 0.0;
