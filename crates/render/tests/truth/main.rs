@@ -9,6 +9,7 @@ mod closed_forms;
 mod convergence;
 mod hard_cases;
 mod levels;
+mod light_span;
 mod scenes;
 mod setting;
 mod skipping;

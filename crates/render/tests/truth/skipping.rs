@@ -2,7 +2,7 @@
 
 use crate::setting::{Noise, Shown, each, eye, f32s, fov, i16s, straight, u8s, volume_on};
 use render::{Quality, Sampling};
-use spatial::DVec3;
+use spatial::{DVec3, EyeView};
 use std::sync::Arc;
 use volume::{Volume, Voxels};
 
@@ -12,13 +12,18 @@ const SIZE: [u32; 2] = [48, 27];
 /// something is to be seen.
 #[track_caller]
 fn check(name: &str, volume: Volume, scenes: &[(&str, bool)]) {
-    let volume = Arc::new(volume);
-    let grid = volume.grid();
-    let size_mm = grid.size_mm();
+    let size_mm = volume.grid().size_mm();
     let eyes = [
         eye(size_mm * DVec3::new(-0.7, 1.6, 0.6), size_mm * 0.5, fov(45.0, SIZE)),
         eye(size_mm * DVec3::new(0.45, 0.4, 0.3), size_mm * DVec3::new(0.9, 0.8, 0.5), fov(80.0, SIZE)),
     ];
+    check_from(&eyes, name, volume, scenes);
+}
+
+/// As [`check`], seen by these eyes.
+#[track_caller]
+fn check_from(eyes: &[EyeView], name: &str, volume: Volume, scenes: &[(&str, bool)]) {
+    let volume = Arc::new(volume);
     let levels = [
         Quality::DRAFT,
         Quality::BALANCED,
@@ -31,7 +36,7 @@ fn check(name: &str, volume: Volume, scenes: &[(&str, bool)]) {
         let scene = file.resolve(&scene::VolumeFacts::of(&volume)).unwrap();
         let shown = Shown::of_scene(volume.clone(), scene);
         for quality in levels {
-            let of = |skip_empty| shown.still(&eyes, SIZE, Quality { skip_empty, ..quality }, None);
+            let of = |skip_empty| shown.still(eyes, SIZE, Quality { skip_empty, ..quality }, None);
             let (with, without) = (of(true), of(false));
             if *sees && quality.sampling == Sampling::Cells {
                 let hits = without.rgba.iter().filter(|p| p[3] > 1e-4).count();
@@ -96,6 +101,27 @@ fn a_lone_voxel_at_every_place_in_a_block() {
         let lone = |p: DVec3| f64::from(u8::from(p == DVec3::splat(at))) * 255.0;
         let v = volume_on(straight([23; 3], [1.0; 3]), u8s(&each([23; 3], lone)));
         check(&format!("a voxel at {at}"), v, &[(BAND, false), (HIGH, false), (MAXIMUM, false)]);
+    }
+}
+
+/// A voxel at each corner of a cell, so that of what its neighbours see of it each cell around has another corner, edge or
+/// face; from eyes on opposite sides, so that rays come into those cells through each of their faces.
+#[test]
+fn a_lone_voxel_at_each_corner_of_a_cell_from_both_sides() {
+    let n = 18;
+    let edge = r#"{"transfer": [[0,0,0,0,0],[254.5,0,0,0,0],[254.5,1,1,1,0.9],[255,1,1,1,0.9]]}"#;
+    let without_width =
+        r#"{"transfer": [[0,0,0,0,0],[9,0,0,0,0],[9,1,1,1,0.9],[9,0,0,0,0],[250,0,0,0,0],[250,1,1,1,0.9]]}"#;
+    for corner in 0..8u32 {
+        // Last and first voxels of cells of 4, every other one of 8 too.
+        let at = DVec3::from_array([0, 1, 2].map(|axis| if corner >> axis & 1 == 1 { 8.0 } else { 7.0 }));
+        let lone = |p: DVec3| f64::from(u8::from(p == at)) * 255.0;
+        for side in [DVec3::new(1.0, 1.3, 0.8), DVec3::new(-0.9, 1.1, -1.2)] {
+            let eyes = [side, -side].map(|side| eye(at + side * 22.0, at, fov(6.0, SIZE)));
+            let v = volume_on(straight([n; 3], [1.0; 3]), u8s(&each([n; 3], lone)));
+            let scenes = [(BAND, true), (edge, false), (without_width, false), (HIGH, true), (MAXIMUM, true)];
+            check_from(&eyes, &format!("a voxel at {at}"), v, &scenes);
+        }
     }
 }
 
