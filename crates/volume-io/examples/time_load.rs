@@ -1,20 +1,29 @@
-//! How long loading takes: `time_load PATH TIMES` prints seconds of each load, bytes of voxels and the memory's peak, as
-//! JSON. `tools/measure_volumes` calls it.
+//! How long loading takes: `time_load load|read PATH TIMES` prints seconds of each turn, bytes of voxels and the memory's
+//! peak, as JSON. `read` does not load: it reads the files of a folder on all cores into memory that was never touched,
+//! which no loader can be faster than. `tools/measure_volumes` calls it.
 #![expect(clippy::print_stdout, reason = "an example talks to its caller")]
 
+use rayon::prelude::*;
+use std::fs::File;
+use std::io::Read as _;
+use std::path::PathBuf;
 use std::time::Instant;
 use volume_io::{LoadOptions, load};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let mut arguments = std::env::args().skip(1);
-    let path = arguments.next().ok_or("expected PATH TIMES")?;
-    let times: usize = arguments.next().ok_or("expected PATH TIMES")?.parse()?;
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [what, path, times] = arguments.as_slice() else {
+        return Err("expected load|read PATH TIMES".into());
+    };
     let (mut secs, mut bytes) = (Vec::new(), 0);
-    for _ in 0..times {
+    for _ in 0..times.parse()? {
         let start = Instant::now();
-        let loaded = load(&path, &LoadOptions::default())?;
+        bytes = match what.as_str() {
+            "load" => load(path, &LoadOptions::default())?.volume.sample_bytes(),
+            "read" => read(path)?,
+            _ => return Err("expected load or read".into()),
+        };
         secs.push(start.elapsed().as_secs_f64());
-        bytes = loaded.volume.sample_bytes();
     }
     // Linux counts the peak; elsewhere there is none.
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
@@ -24,4 +33,23 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         .map_or("null", |l| l.trim().trim_end_matches(" kB"));
     println!("{{\"secs\": {secs:?}, \"bytes\": {bytes}, \"peak_kib\": {peak}}}");
     Ok(())
+}
+
+/// Reads the files of a folder behind each other into fresh memory; gives back how many bytes they have.
+fn read(folder: &str) -> std::io::Result<usize> {
+    let files = std::fs::read_dir(folder)?
+        .map(|entry| Ok(entry?.path()))
+        .collect::<std::io::Result<Vec<PathBuf>>>()?;
+    let lengths =
+        files.iter().map(|f| Ok(f.metadata()?.len() as usize)).collect::<std::io::Result<Vec<_>>>()?;
+    let total = lengths.iter().sum();
+    let mut memory = vec![0u8; total];
+    let (mut work, mut rest) = (Vec::new(), memory.as_mut_slice());
+    for (file, length) in files.iter().zip(lengths) {
+        let (here, after) = rest.split_at_mut(length);
+        work.push((file, here));
+        rest = after;
+    }
+    work.into_par_iter().try_for_each(|(file, here)| File::open(file)?.read_exact(here))?;
+    Ok(total)
 }
