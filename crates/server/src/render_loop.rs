@@ -139,7 +139,8 @@ impl RenderLoop {
         let asked = self.shared.settings.quality;
         let quality = Quality {
             resolution_scale: asked.resolution_scale * rung.resolution_scale,
-            ..asked.coarser(rung.step_scale)
+            step_voxels: (asked.step_voxels * rung.step_scale).min(64.0),
+            ..asked
         };
         let scene = shown.scene.scene();
         let plan = StereoPlan::new(

@@ -89,9 +89,6 @@ fn make(
     file: &SceneFile,
 ) -> Result<Arc<SceneOnDevice>, SceneChangeError> {
     let scene = SceneOnDevice::new(gpu, volume, &file.resolve(facts)?)?;
-    // What the ladder may come to needs other pipelines than what was asked for.
-    for step_scale in [1.0, 2.0] {
-        scene.prepare(&quality.coarser(step_scale))?;
-    }
+    scene.prepare(quality)?;
     Ok(Arc::new(scene))
 }

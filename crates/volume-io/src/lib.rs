@@ -31,5 +31,5 @@ mod text;
 
 pub use dicom::SeriesFound;
 pub use error::LoadError;
-pub use load::{Format, LoadOptions, LoadReport, Loaded, Progress, load, load_bytes, load_parts};
+pub use load::{Format, LoadOptions, LoadReport, Loaded, Progress, Sequence, load, load_bytes, load_parts};
 pub use save::{Depth, SaveError, SaveOptions, Saved, save};

@@ -37,6 +37,8 @@ pub struct LoadOptions {
     pub progress: Option<Progress>,
     /// Which DICOM series of a folder, by its number or its UID; the one with the most images if not said.
     pub series: Option<String>,
+    /// Which volume of a series in time, counted from 0.
+    pub time: u64,
     /// Load although images of several patients lie in one folder.
     pub force: bool,
     /// Give back who the patient is, in [`LoadReport::identity`].
@@ -45,7 +47,15 @@ pub struct LoadOptions {
 
 impl Default for LoadOptions {
     fn default() -> Self {
-        Self { max_bytes: MAX_BYTES, kind: None, progress: None, series: None, force: false, identity: false }
+        Self {
+            max_bytes: MAX_BYTES,
+            kind: None,
+            progress: None,
+            series: None,
+            time: 0,
+            force: false,
+            identity: false,
+        }
     }
 }
 
@@ -56,6 +66,7 @@ impl fmt::Debug for LoadOptions {
             .field("kind", &self.kind)
             .field("progress", &self.progress.is_some())
             .field("series", &self.series)
+            .field("time", &self.time)
             .field("force", &self.force)
             .field("identity", &self.identity)
             .finish()
@@ -95,6 +106,38 @@ impl fmt::Display for Format {
     }
 }
 
+/// Volumes of one file or series that follow each other in time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sequence {
+    /// How many there are, at least 2.
+    pub steps: u64,
+    /// Which of them was loaded, counted from 0.
+    pub loaded: u64,
+    /// Seconds from one to the next, where the file says so.
+    pub step_secs: Option<f64>,
+}
+
+impl Sequence {
+    /// What people are told of it.
+    pub(crate) fn note(&self) -> String {
+        let Self { steps, loaded, step_secs } = self;
+        let apart = step_secs.map(|secs| format!(", {secs} s apart")).unwrap_or_default();
+        format!("a series of {steps} volumes in time{apart}: number {loaded} of 0 to {} is loaded", steps - 1)
+    }
+
+    /// Refuses a step that is not there.
+    pub(crate) fn check(file: &str, steps: u64, options: &LoadOptions) -> Result<(), LoadError> {
+        if options.time < steps {
+            return Ok(());
+        }
+        let expected = match steps {
+            1 => "0, the only volume there is".to_owned(),
+            _ => format!("0 to {}", steps - 1),
+        };
+        Err(LoadError::field(file, "time", expected, &options.time))
+    }
+}
+
 /// What was done to get from the file to the volume.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadReport {
@@ -109,6 +152,8 @@ pub struct LoadReport {
     pub modality: Option<String>,
     /// Lowest and highest value of the window that the file suggests.
     pub window: Option<[f64; 2]>,
+    /// The series in time that the volume is one step of, if it is.
+    pub sequence: Option<Sequence>,
     /// The DICOM series that were found; only one of them is loaded.
     pub series: Vec<SeriesFound>,
     /// Who the patient is, as pairs of what and which; empty unless [`LoadOptions::identity`] asked for it.
@@ -176,6 +221,7 @@ fn load_source(source: &Source<'_>, options: &LoadOptions) -> Result<Loaded, Loa
         return nifti::load(&name, Stream { input, holds_at_most: length, packed: None }, options);
     }
     if start.starts_with(atlas::SIGNATURE) {
+        Sequence::check(&part.name, 1, options)?;
         return atlas::load(source, part, options);
     }
     if dicom::is_file(start) {
@@ -185,6 +231,7 @@ fn load_source(source: &Source<'_>, options: &LoadOptions) -> Result<Loaded, Loa
         return nrrd::load(source, part, options);
     }
     if start.trim_ascii_start().starts_with(b"{") {
+        Sequence::check(&part.name, 1, options)?;
         return raw::load(source, part, options);
     }
     if metaimage::is_header(start) {
@@ -284,6 +331,7 @@ pub(crate) fn finish(
             notes,
             modality: None,
             window: None,
+            sequence: None,
             series: Vec::new(),
             identity: Vec::new(),
         },

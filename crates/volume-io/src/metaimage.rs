@@ -4,7 +4,7 @@
 //! space, left, posterior, superior. Why the header is read here: `docs/decisions/0016-nrrd-and-metaimage.md`.
 
 use crate::load::{checked_axis, checked_scaling};
-use crate::pieces::{Pieces, Skipped, listed, numbered};
+use crate::pieces::{Skipped, listed, numbered};
 use crate::recorded::Recorded;
 use crate::samples::{ByteOrder, StoredType};
 use crate::source::{Part, Source};
@@ -73,7 +73,7 @@ pub(crate) fn is_header(start: &[u8]) -> bool {
     FIELDS.iter().chain(OTHER_FIELDS).any(|field| *field == name.trim())
 }
 
-/// Loads the volume, the first one if there is a series of them.
+/// Loads the volume, of a series the one that was asked for.
 pub(crate) fn load(
     source: &Source<'_>,
     mut part: Part<'_>,
@@ -89,9 +89,6 @@ pub(crate) fn load(
         checked_axis(&file, "DimSize", sizes[2])?,
     ];
     let steps = header.steps(&sizes)?;
-    if steps > 1 {
-        notes.push(format!("a series of {steps} volumes: the first one is loaded"));
-    }
     let stored = header.stored_type()?;
     let encoding = header.encoding()?;
     let recorded = Recorded {
@@ -101,10 +98,12 @@ pub(crate) fn load(
         stored,
         order: header.byte_order(stored, encoding)?,
         steps,
+        step: options.time,
+        step_secs: header.step_secs(sizes.len())?,
         scaling: header.scaling()?,
         labels: false,
     };
-    recorded.check_size(&file, "DimSize", options)?;
+    recorded.check(&file, "DimSize", options)?;
     let stream = open(source, part, &header, &sizes, &recorded)?;
     recorded.load(&file, stream, encoding == Encoding::Deflate, options, notes)
 }
@@ -157,12 +156,7 @@ fn open<'s, 'a>(
         let expected = "one file, or several of raw voxels";
         return Err(header.wrong(DATA, expected, &format!("{files} files that are not raw")));
     }
-    // As many bytes in each, since their number is the product of the axes that they do not have.
-    let bytes = recorded.whole() / files;
-    let wanted = recorded.bytes().div_ceil(bytes) as usize;
-    let names = names.into_iter().take(wanted).collect();
-    let chain = Pieces { source, field: DATA, names, skipped, bytes }.open()?;
-    Ok(Stream { input: Box::new(chain), holds_at_most: recorded.bytes(), packed: None })
+    recorded.in_files(source, DATA, names, skipped)
 }
 
 /// The fields as text. Names and comments, which may name the patient, are not kept.
@@ -270,6 +264,12 @@ impl Header {
             size.and_then(|size| steps.checked_mul(size))
                 .ok_or_else(|| self.wrong("DimSize", "1 or more on each axis", &format!("{sizes:?}")))
         })
+    }
+
+    /// From one volume to the next: MetaIO knows no unit of time, and programs write seconds.
+    fn step_secs(&self, axes: usize) -> Result<Option<f64>, LoadError> {
+        let spacing = self.numbers(&["ElementSpacing", "ElementSize"], axes)?;
+        Ok(spacing.filter(|_| axes == 4).map(|spacing| spacing[3]).filter(|secs| *secs > 0.0))
     }
 
     /// Rows of the matrix are the directions of the axes, as ITK reads them.

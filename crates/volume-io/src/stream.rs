@@ -48,7 +48,11 @@ pub(crate) fn open<'a>(
     let left = part.length.saturating_sub(at);
     let (input, holds_at_most, packed): (Box<dyn Read + 'a>, _, _) = match encoding {
         Encoding::Raw => {
-            let offset = skipped.offset(&file, left, recorded.bytes())?;
+            let promised = match skipped {
+                Skipped::Bytes(_) => recorded.before() + recorded.bytes(),
+                Skipped::AllBeforeEnd => recorded.whole(),
+            };
+            let offset = skipped.offset(&file, left, promised)? + recorded.before();
             part.input.seek(SeekFrom::Start(at + offset)).map_err(unreadable)?;
             return Ok(Stream { input: Box::new(part.input), holds_at_most: left - offset, packed: None });
         }
@@ -69,18 +73,31 @@ pub(crate) fn open<'a>(
     match skipped {
         Skipped::Bytes(0) => {}
         Skipped::Bytes(skipped) if encoding == Encoding::Deflate => {
-            let passed = std::io::copy(&mut stream.input.by_ref().take(skipped), &mut std::io::sink());
-            let found = passed.map_err(|e| broken(&file, stream.packed, e))?;
-            if found < skipped {
-                return Err(LoadError::Truncated { file, what: "bytes to skip", expected: skipped, found });
-            }
+            pass_over(&file, &mut stream, skipped, "bytes to skip")?;
         }
         _ => {
             let expected = "nothing to skip before voxels that are text or compressed";
             return Err(LoadError::field(&file, "bytes to skip", expected, &format!("{skipped:?}")));
         }
     }
+    pass_over(&file, &mut stream, recorded.before(), "the volumes before")?;
     Ok(stream)
+}
+
+/// Reads over `bytes`.
+pub(crate) fn pass_over(
+    file: &str,
+    stream: &mut Stream<impl Read>,
+    bytes: u64,
+    what: &'static str,
+) -> Result<(), LoadError> {
+    let passed = std::io::copy(&mut stream.input.by_ref().take(bytes), &mut std::io::sink());
+    let found = passed.map_err(|e| broken(file, stream.packed, e))?;
+    if found < bytes {
+        return Err(LoadError::Truncated { file: file.to_owned(), what, expected: bytes, found });
+    }
+    stream.holds_at_most = stream.holds_at_most.saturating_sub(bytes);
+    Ok(())
 }
 
 /// Reads on to the end of the data, where gzip and zlib have their checksum, but not far: nobody asked for what follows.

@@ -53,16 +53,6 @@ pub(crate) fn quality_named(name: &str) -> anyhow::Result<Quality> {
         .with_context(|| format!("no quality '{name}'; there are: {}", Quality::level_names()))
 }
 
-/// A quality with some of its numbers changed.
-pub(crate) fn tuned(quality: Quality, numbers: &[(String, f64)]) -> anyhow::Result<Quality> {
-    numbers.iter().try_fold(quality, |quality, (name, number)| {
-        let names = Quality::NUMBERS.join(", ");
-        quality
-            .with(name, *number)
-            .with_context(|| format!("no number '{name}' in a quality; there are: {names}"))
-    })
-}
-
 /// Reads a scene file.
 pub(crate) fn read_scene(path: &Path) -> anyhow::Result<SceneFile> {
     let text =
@@ -72,7 +62,8 @@ pub(crate) fn read_scene(path: &Path) -> anyhow::Result<SceneFile> {
 
 /// What the command line says about loading.
 pub(crate) fn load_options(chosen: &Chosen) -> LoadOptions {
-    LoadOptions { series: chosen.series.clone(), force: chosen.force, ..LoadOptions::default() }
+    let Chosen { series, time, force } = chosen;
+    LoadOptions { series: series.clone(), time: *time, force: *force, ..LoadOptions::default() }
 }
 
 /// Loads a volume and shows how far it is.

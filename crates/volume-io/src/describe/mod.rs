@@ -4,7 +4,7 @@
 
 mod draw;
 
-use crate::Loaded;
+use crate::{Loaded, Sequence};
 use serde::Serialize;
 use std::fmt;
 use volume::{Channel, ChannelKind, Grid, NonFiniteCount, Statistics, Voxels};
@@ -47,6 +47,9 @@ pub struct VolumeDescription {
     pub channels: Vec<ChannelDescription>,
     /// `CT`, `MR`, `PT`, … where the file says so.
     pub modality: Option<String>,
+    /// The series in time that this is one step of.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sequence: Option<SequenceDescription>,
     /// The DICOM series that were found, one a line.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub series: Vec<String>,
@@ -55,6 +58,17 @@ pub struct VolumeDescription {
     pub identity: Vec<(&'static str, String)>,
     /// What a person should know about the loading.
     pub notes: Vec<String>,
+}
+
+/// Volumes that follow each other in time.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct SequenceDescription {
+    /// How many there are.
+    pub steps: u64,
+    /// Which of them this is, counted from 0.
+    pub loaded: u64,
+    /// Seconds from one to the next, if the file says so.
+    pub step_secs: Option<f64>,
 }
 
 /// What a channel holds. Values are after slope and intercept.
@@ -157,6 +171,9 @@ impl VolumeDescription {
                 .map(|(channel, count)| ChannelDescription::of(channel, *count, loaded.report.window))
                 .collect(),
             modality: loaded.report.modality.clone(),
+            sequence: loaded.report.sequence.map(|Sequence { steps, loaded, step_secs }| {
+                SequenceDescription { steps, loaded, step_secs }
+            }),
             series: loaded.report.series.iter().map(ToString::to_string).collect(),
             identity: loaded.report.identity.clone(),
             notes: loaded.report.notes.clone(),
@@ -268,6 +285,14 @@ impl fmt::Display for VolumeDescription {
             write!(f, ", sheared by {:.1}°", self.shear_deg)?;
         }
         writeln!(f)?;
+        if let Some(SequenceDescription { steps, loaded, step_secs }) = self.sequence {
+            write!(f, "  time         {steps} volumes")?;
+            match step_secs {
+                Some(secs) => write!(f, ", {} s apart", draw::number(secs))?,
+                None => write!(f, ", how far apart is not in the file")?,
+            }
+            writeln!(f, "; this is number {loaded} of 0 to {}", steps - 1)?;
+        }
         for channel in &self.channels {
             write!(f, "\n{channel}")?;
         }

@@ -245,7 +245,7 @@ fn load_series(
     let objects: Vec<&Object> = images.iter().map(|image| image.object).collect();
     let objects = objects.as_slice();
     let names = Names { files, objects };
-    let stack = Stack::of(path, slices, &names, &mut notes)?;
+    let stack = Stack::of(path, options, slices, &names, &mut notes)?;
     note_what_was_assumed(objects[stack.slices[0].object], stack.slices[0].frame, &mut notes);
     if images[stack.slices[0].object].layout.low_is_bright {
         notes.push(
@@ -293,6 +293,7 @@ fn load_series(
     let mut loaded = finish(path, Format::Dicom, stack.grid, vec![channel], notes)?;
     loaded.report.modality = Some(modality);
     loaded.report.window = window;
+    loaded.report.sequence = stack.sequence;
     if options.identity {
         loaded.report.identity = identity(first.object);
     }

@@ -234,6 +234,15 @@ impl Object {
         own.or_else(|| self.shared.numbers(tag)).or_else(|| self.top.numbers(tag))
     }
 
+    /// Which step in time a frame is of: an unsigned number of 32 bits (VR UL).
+    pub(super) fn step_of_frame(&self, frame: usize) -> Option<f64> {
+        let tag = tags::TEMPORAL_POSITION_INDEX;
+        let values = [self.per_frame.get(frame), Some(&self.shared), Some(&self.top)];
+        let bytes = values.into_iter().flatten().find_map(|v| <[u8; 4]>::try_from(v.bytes(tag)).ok())?;
+        let big = self.syntax.order() == ByteOrder::Big;
+        Some(if big { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) }.into())
+    }
+
     /// A small number of the image's description.
     pub(super) fn short(&self, tag: Tag) -> Option<u16> {
         self.top.short(tag, self.syntax.order())

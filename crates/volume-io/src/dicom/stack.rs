@@ -2,10 +2,12 @@
 
 use super::files::Files;
 use super::object::Object;
+use super::suv::time_secs;
 use super::tags;
-use crate::LoadError;
+use crate::{LoadError, LoadOptions, Sequence};
 use dicom_core::Tag;
 use spatial::{DAffine3, DMat3, DVec3};
+use std::cmp::Ordering;
 use volume::Grid;
 
 /// Frames whose axes differ by more than this (unit vectors) are of different stacks.
@@ -41,8 +43,44 @@ pub(super) struct Slice {
     y: DVec3,
     /// The first pixel; not every multi-frame object says where its frames are.
     first: Option<DVec3>,
-    /// What orders slices at one place: time, then number.
-    order: [f64; 2],
+    /// What orders slices at one place.
+    order: Order,
+}
+
+/// What orders slices at one place, the first that differs: steps in time as the file counts them, its times, its number.
+#[derive(Clone, Copy, Default)]
+struct Order {
+    step: f64,
+    position: f64,
+    /// After the heart's trigger.
+    trigger_secs: f64,
+    /// Of the day.
+    acquired_secs: f64,
+    number: f64,
+}
+
+impl Order {
+    fn of(object: &Object, frame: usize) -> Self {
+        let number = |tag| object.top.number(tag).unwrap_or(0.0);
+        let acquired = object.top.text(tags::ACQUISITION_TIME).and_then(|text| time_secs(&text));
+        Self {
+            step: object.step_of_frame(frame).unwrap_or(0.0),
+            position: number(tags::TEMPORAL_POSITION),
+            trigger_secs: number(tags::TRIGGER_TIME) / 1000.0,
+            acquired_secs: acquired.unwrap_or(0.0),
+            number: number(tags::INSTANCE_NUMBER),
+        }
+    }
+
+    fn compare(&self, other: &Self) -> Ordering {
+        let parts = |o: &Self| [o.step, o.position, o.trigger_secs, o.acquired_secs, o.number];
+        parts(self)
+            .iter()
+            .zip(parts(other))
+            .map(|(a, b)| a.total_cmp(&b))
+            .find(|o| o.is_ne())
+            .unwrap_or(Ordering::Equal)
+    }
 }
 
 /// The frames of a stack, each at its own place, from the first on along the normal of the slices.
@@ -51,6 +89,8 @@ pub(super) struct Stack {
     pub(super) grid: Grid,
     /// For each slice of the grid: the slice before it and how far it is on the way to the next.
     pub(super) places: Vec<(usize, f64)>,
+    /// The series in time that the slices are one step of.
+    pub(super) sequence: Option<Sequence>,
 }
 
 impl Slice {
@@ -88,8 +128,6 @@ impl Slice {
             Some(offset) => first.map(|first| first + offset),
             None => first.filter(|_| own),
         };
-        let time = object.of_frame(frame, tags::TEMPORAL_POSITION_INDEX).and_then(|t| t.first().copied());
-        let number = object.top.number(tags::INSTANCE_NUMBER).unwrap_or(0.0);
         Ok(Self {
             object: index,
             frame,
@@ -97,7 +135,7 @@ impl Slice {
             x: along_row.normalize() * spacing[1],
             y: along_column.normalize() * spacing[0],
             first,
-            order: [time.unwrap_or(0.0), number],
+            order: Order::of(object, frame),
         })
     }
 
@@ -143,6 +181,7 @@ impl Stack {
     /// Puts the frames of a series in order. What does not belong together is left out and noted.
     pub(super) fn of(
         file: &str,
+        options: &LoadOptions,
         frames: Vec<Slice>,
         names: &Names<'_, '_>,
         notes: &mut Vec<String>,
@@ -152,7 +191,7 @@ impl Stack {
         let normal = slices[0].normal();
         let along = |s: &Slice| s.first.map_or(0.0, |first| first.dot(normal));
         slices.sort_by(|a, b| along(a).total_cmp(&along(b)));
-        let slices = one_a_place(slices, along, names, notes);
+        let (slices, sequence) = one_a_place(file, options, slices, along, names, notes)?;
         let at_mm: Vec<f64> = slices.iter().map(along).collect();
         let count = slices.len();
         let (first, last) = (&slices[0], &slices[count - 1]);
@@ -193,7 +232,7 @@ impl Stack {
             field: "position, orientation and spacing of the slices",
             source,
         })?;
-        Ok(Self { slices, grid, places })
+        Ok(Self { slices, grid, places, sequence })
     }
 }
 
@@ -236,7 +275,7 @@ fn place_frames(slices: &mut [Slice], objects: &[&Object], notes: &mut Vec<Strin
     let step_mm = thickness_mm(&slices[0], objects, notes);
     let normal = slices[0].normal();
     let origin = slices.iter().find_map(|s| s.first).unwrap_or(DVec3::ZERO);
-    slices.sort_by(|a, b| a.order[1].total_cmp(&b.order[1]).then(a.frame.cmp(&b.frame)));
+    slices.sort_by(|a, b| a.order.number.total_cmp(&b.order.number).then(a.frame.cmp(&b.frame)));
     for (i, slice) in slices.iter_mut().enumerate() {
         slice.first = Some(origin + i as f64 * step_mm * normal);
     }
@@ -254,13 +293,15 @@ fn thickness_mm(slice: &Slice, objects: &[&Object], notes: &mut Vec<String>) -> 
     })
 }
 
-/// Of images at one place, the first in time and number.
+/// Of images at one place, the one of the step that was asked for, in time and number.
 fn one_a_place(
+    file: &str,
+    options: &LoadOptions,
     slices: Vec<Slice>,
     along: impl Fn(&Slice) -> f64,
     names: &Names<'_, '_>,
     notes: &mut Vec<String>,
-) -> Vec<Slice> {
+) -> Result<(Vec<Slice>, Option<Sequence>), LoadError> {
     let total = slices.len();
     let mut at_places: Vec<Vec<Slice>> = Vec::new();
     for slice in slices {
@@ -271,29 +312,49 @@ fn one_a_place(
     }
     let times = at_places[0].len();
     let is_series = times > 1 && at_places.iter().all(|place| place.len() == times);
+    let steps = if is_series { times as u64 } else { 1 };
+    Sequence::check(file, steps, options)?;
+    let time = options.time;
+    let mut step_secs = None;
     let (mut kept, mut others) = (Vec::with_capacity(at_places.len()), Vec::new());
     for mut place in at_places {
-        place.sort_by(|a, b| {
-            let [time, number] = [0, 1].map(|i| a.order[i].total_cmp(&b.order[i]));
-            time.then(number).then(a.frame.cmp(&b.frame))
-        });
-        let mut place = place.into_iter();
-        kept.extend(place.next());
-        others.extend(place);
+        place.sort_by(|a, b| a.order.compare(&b.order).then(a.frame.cmp(&b.frame)));
+        if is_series {
+            // The first and the last of the first place tell how far apart they are.
+            step_secs = step_secs.or_else(|| step_secs_of(&place));
+            kept.push(place.swap_remove(time as usize));
+        } else {
+            let mut place = place.into_iter();
+            kept.extend(place.next());
+            others.extend(place);
+        }
     }
     if is_series {
+        let sequence = Sequence { steps: times as u64, loaded: time, step_secs };
         notes.push(format!(
-            "each of {} places has {times} images, {total} in all, as a series in time has: the first of each are loaded",
-            kept.len()
+            "each of {} places has {times} images, {total} in all: {}",
+            kept.len(),
+            sequence.note()
         ));
-    } else if !others.is_empty() {
+        return Ok((kept, Some(sequence)));
+    }
+    if !others.is_empty() {
         notes.push(format!(
             "{} images are at the place of another and were left out: {}",
             others.len(),
             names.some(&others)
         ));
     }
-    kept
+    Ok((kept, None))
+}
+
+/// Seconds from one image at a place to the next, on the mean, by the times that differ.
+fn step_secs_of(place: &[Slice]) -> Option<f64> {
+    let (first, last) = (place.first()?.order, place.last()?.order);
+    [last.trigger_secs - first.trigger_secs, last.acquired_secs - first.acquired_secs]
+        .into_iter()
+        .find(|secs| *secs > 0.0)
+        .map(|secs| secs / (place.len() - 1) as f64)
 }
 
 /// The distance of slices and where each slice of the grid comes from. Even slices stay what they are; uneven ones are

@@ -63,7 +63,7 @@ fn waited_secs(object: &Object) -> Option<f64> {
 }
 
 /// `HHMMSS.ffffff`, of which the end may be missing; what follows a sign is the time zone.
-fn time_secs(text: &str) -> Option<f64> {
+pub(super) fn time_secs(text: &str) -> Option<f64> {
     let text = text.split(['+', '-']).next()?;
     let part = |range: std::ops::Range<usize>| text.get(range).map_or(Some(0.0), |t| t.parse::<f64>().ok());
     let hours: f64 = text.get(..2)?.parse().ok()?;

@@ -161,8 +161,8 @@ impl Header {
         }
     }
 
-    /// Voxels along x, y and z. Only the first volume of a series in time is meant; vectors are refused.
-    pub(crate) fn dims(&self, file: &str, notes: &mut Vec<String>) -> Result<[u32; 3], LoadError> {
+    /// Voxels along x, y and z. The fourth is time; vectors are refused.
+    pub(crate) fn dims(&self, file: &str) -> Result<[u32; 3], LoadError> {
         let axes = self.dim[0];
         if !(1..=7).contains(&axes) {
             return Err(LoadError::field(file, "dim[0]", "1 to 7 dimensions", &axes));
@@ -184,9 +184,6 @@ impl Header {
                 return Err(LoadError::field(file, format!("dim[{axis}]"), "1", &found));
             }
         }
-        if length(4) > 1 {
-            notes.push(format!("a series of {} volumes in time: the first one is loaded", length(4)));
-        }
         Ok(dims)
     }
 
@@ -194,6 +191,18 @@ impl Header {
     pub(crate) fn steps(&self) -> u64 {
         // Known to be positive once the dimensions are.
         if self.dim[0] >= 4 { self.dim[4].unsigned_abs() } else { 1 }
+    }
+
+    /// Seconds from one volume of a series to the next. Files that say no unit mean seconds, as other readers take them.
+    pub(crate) fn step_secs(&self) -> Option<f64> {
+        let unit = match self.xyzt_units & 0x38 {
+            0 | 8 => 1.0,
+            16 => 1.0e-3,
+            24 => 1.0e-6,
+            // Frequencies and the like.
+            _ => return None,
+        };
+        Some(self.pixdim[4] * unit).filter(|secs| secs.is_finite() && *secs > 0.0)
     }
 
     /// Type of the samples. `bitpix` says the same again and is not needed.

@@ -8,7 +8,7 @@ mod header;
 
 use crate::load::{broken, read_promised};
 use crate::recorded::Recorded;
-use crate::stream::{Encoding, Stream};
+use crate::stream::{self, Encoding, Stream};
 use crate::{Format, LoadError, LoadOptions, Loaded};
 use header::{Header, Version};
 use std::io::Read;
@@ -20,7 +20,7 @@ const INTENT_LABEL: i64 = 1002;
 /// Bytes of extensions that are looked at for a label table; longer ones are passed over.
 const EXTENSIONS_LOOKED_AT: usize = 1 << 20;
 
-/// Loads the volume, the first one if there is a series of them in time.
+/// Loads the volume, of a series in time the one that was asked for.
 pub(crate) fn load(
     file: &str,
     mut stream: Stream<impl Read>,
@@ -29,7 +29,7 @@ pub(crate) fn load(
     let packed = stream.packed;
     let header = Header::read(file, &mut stream.input, packed)?;
     let mut notes = Vec::new();
-    let dims = header.dims(file, &mut notes)?;
+    let dims = header.dims(file)?;
     let mut recorded = Recorded {
         format: match header.version {
             Version::One => Format::Nifti1,
@@ -40,12 +40,14 @@ pub(crate) fn load(
         encoding: Encoding::Raw,
         order: header.order,
         steps: header.steps(),
+        step: options.time,
+        step_secs: header.step_secs(),
         scaling: header.scaling(file, &mut notes)?,
         labels: header.intent_code == INTENT_LABEL,
     };
-    recorded.check_size(file, "dim", options)?;
+    recorded.check(file, "dim", options)?;
     let offset = header.voxel_offset(file, &mut notes)?;
-    let promised = offset.saturating_add(recorded.bytes());
+    let promised = offset.saturating_add(recorded.before()).saturating_add(recorded.bytes());
     if packed.is_none() && promised > stream.holds_at_most {
         return Err(LoadError::Truncated {
             file: file.to_owned(),
@@ -55,6 +57,7 @@ pub(crate) fn load(
         });
     }
     recorded.labels |= pass_extensions(file, &mut stream, offset - header.length())?;
+    stream::pass_over(file, &mut stream, recorded.before(), "the volumes before")?;
     recorded.load(file, stream, true, options, notes)
 }
 

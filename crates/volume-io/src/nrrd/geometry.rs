@@ -33,6 +33,25 @@ impl Axes {
         }
         Ok(steps)
     }
+
+    /// Seconds from one volume to the next, if one axis is slower than space and the file says how far its samples are
+    /// apart, in a unit of time.
+    pub(super) fn step_secs(&self, header: &Header) -> Option<f64> {
+        let [.., last] = self.spatial;
+        if self.sizes.len() != last + 2 {
+            return None;
+        }
+        let spacing: f64 = header.get(&["spacings"])?.split_whitespace().nth(last + 1)?.parse().ok()?;
+        // Each axis has its unit in quotes.
+        let unit = header.get(&["units"])?.split('"').nth(2 * (last + 1) + 1)?;
+        let secs = match unit {
+            "s" | "sec" | "secs" | "second" | "seconds" => 1.0,
+            "ms" | "msec" | "milliseconds" => 1.0e-3,
+            "us" | "usec" | "microseconds" => 1.0e-6,
+            _ => return None,
+        };
+        Some(spacing * secs).filter(|secs| secs.is_finite() && *secs > 0.0)
+    }
 }
 
 /// Finds the axes that are in space: those with a direction, else those of such a kind, else the first three.

@@ -7,7 +7,7 @@ mod geometry;
 mod header;
 
 use crate::load::checked_axis;
-use crate::pieces::{Pieces, Skipped, listed, numbered};
+use crate::pieces::{Skipped, listed, numbered};
 use crate::recorded::Recorded;
 use crate::samples::StoredType;
 use crate::source::{Part, Source};
@@ -24,7 +24,7 @@ const MOST_AXES: i64 = 16;
 /// Most lines that are skipped before voxels.
 const MOST_LINES: i64 = 1 << 20;
 
-/// Loads the volume, the first one if there is a series of them.
+/// Loads the volume, of a series the one that was asked for.
 pub(crate) fn load(
     source: &Source<'_>,
     mut part: Part<'_>,
@@ -40,9 +40,6 @@ pub(crate) fn load(
         checked_axis(&file, "sizes", axes.sizes[axes.spatial[2]])?,
     ];
     let steps = axes.steps(&file)?;
-    if steps > 1 {
-        notes.push(format!("a series of {steps} volumes: the first one is loaded"));
-    }
     let stored = stored_type(&file, header.required("type")?)?;
     let encoding = encoding(&file, header.required("encoding")?)?;
     let recorded = Recorded {
@@ -52,10 +49,12 @@ pub(crate) fn load(
         stored,
         order: header.byte_order(stored, encoding)?,
         steps,
+        step: options.time,
+        step_secs: axes.step_secs(&header),
         scaling: (1.0, 0.0),
         labels: header.is_segmentation,
     };
-    recorded.check_size(&file, "sizes", options)?;
+    recorded.check(&file, "sizes", options)?;
     let stream = open(source, part, &header, &axes, &recorded)?;
     recorded.load(&file, stream, encoding == Encoding::Deflate, options, notes)
 }
@@ -100,11 +99,7 @@ fn open<'s, 'a>(
         let found = format!("{} files that are not raw", names.len());
         return Err(LoadError::field(&file, FIELD, expected, &found));
     }
-    let bytes = recorded.whole() / names.len() as u64;
-    let wanted = recorded.bytes().div_ceil(bytes) as usize;
-    let names = names.into_iter().take(wanted).collect();
-    let chain = Pieces { source, field: FIELD, names, skipped, bytes }.open()?;
-    Ok(Stream { input: Box::new(chain), holds_at_most: recorded.bytes(), packed: None })
+    recorded.in_files(source, FIELD, names, skipped)
 }
 
 enum Names {

@@ -292,12 +292,45 @@ fn of_two_images_at_one_place_the_first_is_taken_and_the_other_named() {
 }
 
 #[test]
-fn of_a_series_in_time_the_first_is_loaded() {
+fn of_a_series_in_time_the_step_that_was_asked_for_is_loaded() {
     let mut slices = stack(&[0.0, 1.0, 2.0]);
     slices.extend(stack(&[0.0, 1.0, 2.0]).into_iter().map(|s| s.with(0x0020, 0x0013, "IS", "9")));
     let loaded = parts(&slices).unwrap();
     assert_eq!(column(&loaded), [0.0, 100.0, 200.0]);
     assert_noted(&loaded, "each of 3 places has 2 images, 6 in all");
+
+    // Steps told apart by the scanner's count, by milliseconds after the heart's trigger, and by the clock.
+    let at = |ms: u32| format!("1015{:02}.{:03}", ms / 1000, ms % 1000);
+    let step = |of: u32, by: usize| {
+        let slices = (0..3u32).map(move |i| {
+            let slice = Slice::at(i.into(), (100 * i + of) as u16).with(
+                0x0020,
+                0x0013,
+                "IS",
+                &format!("{}", 99 - of),
+            );
+            match by {
+                0 => slice.with(0x0020, 0x0100, "IS", &of.to_string()),
+                1 => slice.with(0x0018, 0x1060, "DS", &(of * 40).to_string()),
+                _ => slice.with(0x0008, 0x0032, "TM", &at(of * 1250 + i)),
+            }
+        });
+        slices.collect::<Vec<_>>()
+    };
+    for (by, step_secs) in [None, Some(0.04), Some(1.25)].into_iter().enumerate() {
+        let slices = [step(2, by), step(0, by), step(3, by), step(1, by)].concat();
+        for time in 0..4 {
+            let loaded = parts_with(&slices, &LoadOptions { time, ..LoadOptions::default() }).unwrap();
+            let of = time as f64;
+            assert_eq!(column(&loaded), [of, 100.0 + of, 200.0 + of], "by {by}");
+            let found = loaded.report.sequence.unwrap();
+            assert_eq!((found.steps, found.loaded), (4, time));
+            let near = |secs: f64| (found.step_secs.unwrap() - secs).abs() < 1.0e-9;
+            assert!(step_secs.map_or(found.step_secs.is_none(), near), "{found:?}");
+        }
+        let error = parts_with(&slices, &LoadOptions { time: 4, ..LoadOptions::default() }).unwrap_err();
+        assert_field(&error, "time", &["0 to 3", "found 4"]);
+    }
 }
 
 #[test]

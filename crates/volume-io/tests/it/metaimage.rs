@@ -2,7 +2,7 @@
 
 use crate::{assert_field, assert_noted, load_err, load_ok};
 use volume::Voxels;
-use volume_io::{Format, LoadError, LoadOptions, load_parts};
+use volume_io::{Format, LoadError, LoadOptions, Sequence, load_bytes, load_parts};
 
 const HEADER: &str = "ObjectType = Image\nNDims = 3\nDimSize = 2 2 2\nTransformMatrix = 1 0 0 0 1 0 0 0 1\n\
                       Offset = 1 2 3\nElementSpacing = 1 1 2\nElementType = MET_UCHAR\n";
@@ -47,13 +47,25 @@ fn fields_of_other_programs_are_passed_over() {
 }
 
 #[test]
-fn of_a_series_the_first_volume_is_loaded() {
+fn of_a_series_the_volume_that_was_asked_for_is_loaded() {
     let series = "NDims = 4\nDimSize = 2 2 1 2\nTransformMatrix = 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\nOffset = 1 2 3 0\n\
                   ElementSpacing = 1 1 2 0.5\nElementType = MET_UCHAR\n";
     let loaded = load_ok(&local(series));
     assert_eq!(loaded.volume.channels()[0].voxels, Voxels::U8(b"1234".to_vec()));
     assert_eq!(loaded.volume.grid().spacing_mm().to_array(), [1.0, 1.0, 2.0]);
     assert_noted(&loaded, "a series of 2 volumes");
+    let second = LoadOptions { time: 1, ..LoadOptions::default() };
+    let loaded = load_bytes("test", &local(series), &second).unwrap();
+    assert_eq!(loaded.volume.channels()[0].voxels, Voxels::U8(b"5678".to_vec()));
+    let sequence = Sequence { steps: 2, loaded: 1, step_secs: Some(0.5) };
+    assert_eq!(loaded.report.sequence, Some(sequence));
+    // Where only the voxels at the end of a file are said, they are those of all volumes.
+    let header = format!("{series}HeaderSize = -1\nElementDataFile = a.raw\n");
+    for (options, expected) in [(LoadOptions::default(), b"1234"), (second, b"5678")] {
+        let loaded =
+            load_parts("a.mhd", header.as_bytes(), &[("a.raw", b"before12345678")], &options).unwrap();
+        assert_eq!(loaded.volume.channels()[0].voxels, Voxels::U8(expected.to_vec()));
+    }
 }
 
 #[test]

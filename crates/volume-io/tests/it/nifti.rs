@@ -6,7 +6,7 @@ use flate2::write::GzEncoder;
 use std::io::Write;
 use std::sync::{Arc, Mutex};
 use volume::{ChannelKind, VoxelType, Voxels};
-use volume_io::{Format, LoadError, LoadOptions, load_bytes};
+use volume_io::{Format, LoadError, LoadOptions, Sequence, load_bytes};
 
 /// NIfTI-1, little endian, 4 × 3 × 5 of uint8, sform alone.
 const PLAIN: &str = "n1_le_u8_sform.nii";
@@ -81,10 +81,42 @@ fn format_and_version_are_reported() {
 }
 
 #[test]
-fn of_a_series_the_first_volume_is_loaded() {
+fn of_a_series_the_volume_that_was_asked_for_is_loaded() {
     let loaded = load_ok(&fixture("n1_le_i8_series.nii"));
     assert_eq!(loaded.volume.grid().dims(), [4, 3, 5]);
     assert_noted(&loaded, "a series of 3 volumes in time");
+
+    // 2.5 in pixdim[4], in milliseconds.
+    let mut file = patched("n1_le_i8_series.nii", &[(92, &2.5f32.to_le_bytes()), (123, &[2 | 16])]);
+    let voxels = file.len() - 3 * 60;
+    for (i, sample) in file[voxels..].iter_mut().enumerate() {
+        *sample = (i % 125) as u8;
+    }
+    let mut packed = GzEncoder::new(Vec::new(), Compression::fast());
+    packed.write_all(&file).unwrap();
+    for bytes in [file, packed.finish().unwrap()] {
+        for time in 0..3 {
+            let loaded = load_bytes("test", &bytes, &LoadOptions { time, ..LoadOptions::default() }).unwrap();
+            let expected: Vec<i16> = (0..60).map(|i| (i + 60 * time as i16) % 125).collect();
+            assert_eq!(loaded.volume.channels()[0].voxels, Voxels::I16(expected), "step {time}");
+            let sequence = Sequence { steps: 3, loaded: time, step_secs: Some(0.0025) };
+            assert_eq!(loaded.report.sequence, Some(sequence));
+        }
+        let error = load_bytes("test", &bytes, &LoadOptions { time: 3, ..LoadOptions::default() });
+        assert_field(&error.unwrap_err(), "time", &["0 to 2", "found 3"]);
+        let short = load_bytes(
+            "test",
+            &bytes[..bytes.len() - 30],
+            &LoadOptions { time: 2, ..LoadOptions::default() },
+        );
+        assert!(matches!(short, Err(LoadError::Truncated { .. } | LoadError::Damaged { .. })), "{short:?}");
+    }
+}
+
+#[test]
+fn a_volume_that_is_no_series_has_no_other_step() {
+    let error = load_bytes("test", &fixture(PLAIN), &LoadOptions { time: 1, ..LoadOptions::default() });
+    assert_field(&error.unwrap_err(), "time", &["the only volume there is"]);
 }
 
 #[test]

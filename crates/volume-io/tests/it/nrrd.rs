@@ -5,7 +5,7 @@ use flate2::Compression;
 use flate2::write::{GzEncoder, ZlibEncoder};
 use std::io::Write as _;
 use volume::{ChannelKind, Voxels};
-use volume_io::{Format, LoadError, LoadOptions, load, load_bytes, load_parts};
+use volume_io::{Format, LoadError, LoadOptions, Sequence, load, load_bytes, load_parts};
 
 const SPACE: &str = "space: LPS\nspace directions: (1,0,0) (0,1,0) (0,0,2)\nspace origin: (0,0,0)\n";
 
@@ -68,7 +68,7 @@ fn a_segmentation_of_3d_slicer_holds_labels() {
 }
 
 #[test]
-fn of_a_series_the_first_volume_is_loaded() {
+fn of_a_series_the_volume_that_was_asked_for_is_loaded() {
     let series = "NRRD0004\ntype: uchar\ndimension: 4\nsizes: 2 2 1 3\nencoding: raw\nspace: LPS\n\
                   space directions: (1,0,0) (0,1,0) (0,0,2) none\nspace origin: (0,0,0)\n\n123456789abc";
     let loaded = load_ok(series.as_bytes());
@@ -80,6 +80,28 @@ fn of_a_series_the_first_volume_is_loaded() {
         .replace("(0,0,2)", "(0,0,2,0)")
         .replace("none", "(0,0,0,1)");
     assert_eq!(load_ok(time.as_bytes()).volume.channels()[0].voxels, Voxels::U8(b"1234".to_vec()));
+    let timed =
+        series.replace("encoding", "spacings: nan nan nan 40\nunits: \"\" \"\" \"\" \"ms\"\nencoding");
+    let mut gzip = ZlibEncoder::new(Vec::new(), Compression::best());
+    gzip.write_all(b"123456789abc").unwrap();
+    let packed = timed.replace("raw", "gzip").replace("123456789abc", "").into_bytes();
+    let packed = [packed, gzip.finish().unwrap()].concat();
+    let detached = timed
+        .replace("encoding", "data file: s%d 0 5 1 3\nbyte skip: -1\nencoding")
+        .replace("123456789abc", "");
+    let halves = [b"h12", b"h34", b"h56", b"h78", b"h9a", b"hbc"];
+    let names = ["s0", "s1", "s2", "s3", "s4", "s5"];
+    let beside: Vec<(&str, &[u8])> = names.into_iter().zip(halves.iter().map(|h| h.as_slice())).collect();
+    let detached = detached.replace("2 2 1 3", "1 2 2 3").replace(" 1 3\nbyte", " 1 2\nbyte");
+    for file in [timed.as_bytes(), &packed, detached.as_bytes()] {
+        for (time, expected) in [(0, b"1234"), (1, b"5678"), (2, b"9abc")] {
+            let loaded =
+                load_parts("test", file, &beside, &LoadOptions { time, ..LoadOptions::default() }).unwrap();
+            assert_eq!(loaded.volume.channels()[0].voxels, Voxels::U8(expected.to_vec()));
+            let sequence = Sequence { steps: 3, loaded: time, step_secs: Some(0.04) };
+            assert_eq!(loaded.report.sequence, Some(sequence));
+        }
+    }
     let vectors = series.replace("(1,0,0) (0,1,0) (0,0,2) none", "none (1,0,0) (0,1,0) (0,0,2)");
     assert_field(&load_err(vectors.as_bytes()), "sizes", &["vectors"]);
 }
