@@ -106,20 +106,25 @@ fn at(ray: Ray, t_mm: f32) -> vec3<f32> {
 }
 
 // Entries of the tables.
-override ENTRIES: f32 = 4096.0;
+override ENTRIES: f32 = 4094.0;
+// Where the entries for a part of a step begin; an entry of margin lies on either side of the border.
+const OF_PARTS: f32 = 4096.0;
+const TABLE_WIDTH: f32 = 8192.0;
 
 fn table_position(raw: f32) -> f32 {
     return clamp(raw * frame.table_scale + frame.table_offset, 0.0, ENTRIES - 1.0);
 }
 
-// Colour and opacity of a step, from the table.
-fn optical(raw: f32) -> vec4<f32> {
+// Colour and opacity of a step, or of a part of one, from the table.
+fn optical(raw: f32, in_parts: bool) -> vec4<f32> {
     let u = table_position(raw);
+    let begin = select(0.0, OF_PARTS, in_parts);
     if (EXACT_FILTER) {
-        let i = min(i32(u), i32(ENTRIES) - 2);
-        return mix(textureLoad(table, i, 0), textureLoad(table, i + 1, 0), u - f32(i));
+        let i = min(floor(u), ENTRIES - 2.0);
+        let entry = i32(begin + i);
+        return mix(textureLoad(table, entry, 0), textureLoad(table, entry + 1, 0), u - i);
     }
-    return textureSampleLevel(table, table_sampler, (u + 0.5) / ENTRIES, 0.0);
+    return textureSampleLevel(table, table_sampler, (begin + u + 0.5) / TABLE_WIDTH, 0.0);
 }
 
 fn extinction_per_mm(raw: f32) -> f32 {
@@ -178,25 +183,70 @@ fn first_in(l: Lattice, chunk: u32, count: f32) -> f32 {
     return select(i, count, chunk >= CHUNKS);
 }
 
+// The last sample before a chunk or at its beginning.
+fn last_before(l: Lattice, chunk: u32, count: f32) -> f32 {
+    return clamp(floor(l.chunk_first + f32(chunk) * l.chunk_step), 0.0, count);
+}
+
 // What a ray has gathered on its way.
 struct Gathered {
     color: vec3<f32>,
     // Summed, not taken from a product of transmittances: a thousandth of a fog's step is less than float32 tells from 1.
     opacity: f32,
-    // The sample at which half of the light was gone, transmittance before it and behind it.
+    // The piece in which half of the light was gone: where it begins and how long it is, in steps, and the transmittance
+    // before it and behind it.
     half_i: f32,
+    half_length: f32,
     half_before: f32,
     half_after: f32,
 }
 
-// Adds matter of `weight` in front of what is behind; colour is added by who knows its light.
-fn gather(sum: ptr<function, Gathered>, weight: f32, i: f32) {
+// Adds matter of `weight` behind what is in front; colour is added by who knows its light.
+fn gather(sum: ptr<function, Gathered>, weight: f32, i: f32, length: f32) {
     let transmittance = 1.0 - (*sum).opacity;
     let before = (*sum).opacity < 0.5;
     (*sum).half_i = select((*sum).half_i, i, before);
+    (*sum).half_length = select((*sum).half_length, length, before);
     (*sum).half_before = select((*sum).half_before, transmittance, before);
     (*sum).half_after = select((*sum).half_after, transmittance - weight, before);
     (*sum).opacity += weight;
+}
+
+// How a ray goes on: in whole steps from a point of the lattice to the next while there is little to see, and in parts of a
+// step where there is more.
+const WHOLE: u32 = 0u;
+const PARTS: u32 = 1u;
+// Behind matter: looks at the point it stands on, from where it goes on in whole steps.
+const LOOK: u32 = 2u;
+
+struct March {
+    // In steps from the first point; between points of the lattice only while in parts.
+    i: f32,
+    pace: u32,
+    // Colour multiplied by opacity, and opacity, that a step would have with the value at i.
+    here: vec4<f32>,
+}
+
+// One sample and what follows from it: the weighted colour, not lit, and the weight of the piece that was gone.
+fn go_on(m: ptr<function, March>, l: Lattice, sum: ptr<function, Gathered>) -> vec4<f32> {
+    let in_parts = (*m).pace == PARTS;
+    let looks = (*m).pace == LOOK;
+    let length = select(1.0, frame.part, in_parts);
+    let ahead = select(length, 0.5 * length, in_parts);
+    let o = optical(sample(l, (*m).i + select(ahead, 0.0, looks)), in_parts);
+    let matter = vec4<f32>(o.rgb * o.a, o.a);
+    // A step with more than little to see at either end is gone again, in parts.
+    let again = (*m).pace == WHOLE && max(o.a, (*m).here.a) > frame.little;
+    let stays = again || looks;
+    let whole = 0.5 * (matter + (*m).here);
+    let piece = select(select(whole, matter, in_parts), vec4<f32>(0.0), stays) * (1.0 - (*sum).opacity);
+    gather(sum, piece.a, (*m).i, length);
+    let i = (*m).i + select(length, 0.0, stays);
+    let ends = in_parts && i == floor(i) && o.a <= frame.little * frame.part;
+    (*m).i = i;
+    (*m).here = select((*m).here, matter, !in_parts && !again);
+    (*m).pace = select(select(WHOLE, PARTS, in_parts || again), LOOK, ends);
+    return piece;
 }
 
 // Loops here hold only what every sample needs. A software driver, and a GPU whose rays part ways, runs all of a loop's
@@ -204,9 +254,11 @@ fn gather(sum: ptr<function, Gathered>, weight: f32, i: f32) {
 fn emission_absorption(ray: Ray) -> Pixel {
     let way = ray.leave_mm - ray.enter_mm;
     let whole = max(floor(way / frame.step_mm), 0.0);
-    let l = lattice(ray, ray.enter_mm + 0.5 * frame.step_mm, frame.step_mm);
+    let l = lattice(ray, ray.enter_mm, frame.step_mm);
     let enough = 1.0 - frame.least_transmittance;
-    var sum = Gathered(vec3<f32>(0.0), 0.0, 0.0, 1.0, 1.0);
+    var sum = Gathered(vec3<f32>(0.0), 0.0, 0.0, 1.0, 1.0, 1.0);
+    var m = March(0.0, LOOK, vec4<f32>(0.0));
+    var end = -1.0;
     var chunk = 0u;
     loop {
         let run = run_from(ray.chunks, chunk);
@@ -214,77 +266,74 @@ fn emission_absorption(ray: Ray) -> Pixel {
             break;
         }
         chunk = run.y;
-        var i = first_in(l, run.x, whole);
-        let end = first_in(l, run.y, whole);
+        // What was left out holds nothing to be seen, its points on the lattice neither.
+        let first = last_before(l, run.x, whole);
+        if (first > m.i) {
+            m = March(first, WHOLE, vec4<f32>(0.0));
+        }
+        end = first_in(l, run.y, whole);
         if (LIT) {
             loop {
-                if (i >= end || sum.opacity > enough) {
+                if (m.i >= end || sum.opacity > enough) {
                     break;
                 }
-                // Samples that are lit alike, from the first that is seen.
-                var weight = 0.0;
-                var color = vec3<f32>(0.0);
+                // Steps that are lit alike, from the first with something to see.
+                var color = vec4<f32>(0.0);
                 var moment = 0.0;
                 var until = end;
                 loop {
-                    if (i >= until || sum.opacity > enough) {
+                    if (m.i >= until || sum.opacity > enough) {
                         break;
                     }
-                    let o = optical(sample(l, i));
-                    let w = (1.0 - sum.opacity) * o.a;
-                    until = select(until, min(i + frame.light_span, end), weight <= 0.0 && w > 0.0);
-                    color += w * o.rgb;
-                    moment += w * i;
-                    weight += w;
-                    gather(&sum, w, i);
-                    i += 1.0;
+                    let begin = floor(m.i);
+                    let at = m.i;
+                    let piece = go_on(&m, l, &sum);
+                    until = select(until, min(begin + frame.light_span, end), color.a <= 0.0 && piece.a > 0.0);
+                    color += piece;
+                    moment += piece.a * 0.5 * (at + m.i);
                 }
-                if (weight > 0.0) {
-                    let cosine = facing(place(l, moment / weight), ray.direction_mm);
-                    sum.color += color * (frame.light.x + frame.light.y * cosine) + weight * mirrored(cosine);
+                if (color.a > 0.0) {
+                    let cosine = facing(place(l, moment / color.a), ray.direction_mm);
+                    sum.color += color.rgb * (frame.light.x + frame.light.y * cosine) + color.a * mirrored(cosine);
                 }
             }
         } else {
             loop {
-                if (i >= end || sum.opacity > enough) {
+                if (m.i >= end || sum.opacity > enough) {
                     break;
                 }
-                // Two at a time: a loop's own work counts here.
-                let a = optical(sample(l, i));
-                let b = optical(sample(l, i + 1.0));
-                let weight_a = (1.0 - sum.opacity) * a.a;
-                sum.color += weight_a * a.rgb;
-                gather(&sum, weight_a, i);
-                let weight_b = (1.0 - sum.opacity) * select(0.0, b.a, i + 1.0 < end && sum.opacity <= enough);
-                sum.color += weight_b * b.rgb;
-                gather(&sum, weight_b, i + 1.0);
-                i += 2.0;
+                sum.color += go_on(&m, l, &sum).rgb;
             }
         }
     }
-    // The last sample stands for what is left of the way: less than a step.
-    let part_of_last = max(way / frame.step_mm - whole, 0.0);
-    let last = whole + 0.5 * part_of_last - 0.5;
-    let raw = sample(l, last);
-    let rest_opacity = opacity_of(extinction_per_mm(raw) * part_of_last * frame.step_mm);
-    if (rest_opacity > 0.0 && sum.opacity <= enough) {
-        let weight = (1.0 - sum.opacity) * rest_opacity;
-        let color = optical(raw).rgb;
-        if (LIT) {
-            sum.color += weight * lit(color, facing(place(l, last), ray.direction_mm));
-        } else {
-            sum.color += weight * color;
+    // What is left of the way: less than a step.
+    let rest = max(way / frame.step_mm - whole, 0.0);
+    if (end >= whole && rest > 0.0 && sum.opacity <= enough) {
+        var color = vec4<f32>(0.0);
+        var moment = 0.0;
+        let length = rest * frame.part;
+        for (var i = 0.5; i * frame.part < 1.0; i += 1.0) {
+            let at = whole + i * length;
+            let raw = sample(l, at);
+            let weight = (1.0 - sum.opacity) * opacity_of(extinction_per_mm(raw) * length * frame.step_mm);
+            color += weight * vec4<f32>(optical(raw, false).rgb, 1.0);
+            moment += weight * at;
+            gather(&sum, weight, at - 0.5 * length, length);
         }
-        gather(&sum, weight, whole);
+        if (LIT && color.a > 0.0) {
+            let cosine = facing(place(l, moment / color.a), ray.direction_mm);
+            sum.color += color.rgb * (frame.light.x + frame.light.y * cosine) + color.a * mirrored(cosine);
+        } else {
+            sum.color += color.rgb;
+        }
     }
 
     var out = Pixel(sum.color, sum.opacity, 0.0, sum.opacity >= 0.5);
     if (out.has_depth) {
-        // Within a step light falls exponentially.
+        // Within a piece light falls exponentially.
         let whole_fall = log(sum.half_before / max(sum.half_after, 1.0e-30));
         let part = clamp(log(2.0 * sum.half_before) / whole_fall, 0.0, 1.0);
-        let length_mm = select(1.0, part_of_last, sum.half_i >= whole) * frame.step_mm;
-        out.depth_mm = ray.enter_mm + sum.half_i * frame.step_mm + part * length_mm;
+        out.depth_mm = ray.enter_mm + (sum.half_i + part * sum.half_length) * frame.step_mm;
     }
     return out;
 }
@@ -428,9 +477,21 @@ fn maximum(ray: Ray) -> Pixel {
         best = at_end;
         best_mm = ray.leave_mm;
     }
+    // The peak lies between the samples beside the best one.
+    let best_i = (best_mm - ray.enter_mm) / frame.step_mm;
+    for (var off = frame.part; off < 1.0; off += frame.part) {
+        for (var side = -1.0; side < 2.0; side += 2.0) {
+            let i = clamp(best_i + side * off, 0.0, way / frame.step_mm);
+            let value = sample(l, i) * frame.value_scale + frame.value_offset;
+            if (value > best) {
+                best = value;
+                best_mm = ray.enter_mm + i * frame.step_mm;
+            }
+        }
+    }
     // The table's opacity is that of the transfer function itself in this mode.
     let raw = (best - frame.value_offset) / frame.value_scale;
-    let o = optical(raw);
+    let o = optical(raw, false);
     return Pixel(o.rgb * o.a, o.a, best_mm, true);
 }
 

@@ -56,10 +56,14 @@ struct Frame {
     room_mm_per_volume_mm: f32,
     depth_columns: u32,
     depth_rows: u32,
-    // Samples that are lit alike from the first of them on: 1 for each by itself.
+    // Steps that are lit alike from the first of them on: 1 for each by itself.
     light_span: f32,
     // 1, or 0 to look at every sample although cells are empty: the same pipeline, so that the same bits come out.
     skip_empty: u32,
+    // The part of a step that is gone at a time where there is more than little to see, and the opacity of a step that is
+    // little.
+    part: f32,
+    little: f32,
     // Of an integer format: numbers its range has, less 1, and what is added to them; 0, 0 of floats. Then slope and
     // intercept: value = stored * slope + intercept.
     stored: vec4<f32>,

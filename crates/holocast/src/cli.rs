@@ -294,7 +294,7 @@ pub(crate) struct Render {
     #[arg(long, default_value = "fine", value_name = "LEVEL")]
     pub(crate) quality: String,
     /// The exact picture in float64, as docs/picture.md defines it: on all cores, without a GPU, slowly
-    #[arg(long, conflicts_with_all = ["quality", "frames", "step_mm", "no_skip", "adapter"])]
+    #[arg(long, conflicts_with_all = ["quality", "frames", "step_mm", "tune", "no_skip", "adapter"])]
     pub(crate) reference: bool,
     /// The picture to write: a PNG before the scene's background, or float data (.npy, see docs/picture-format.md)
     #[arg(long, value_name = "FILE")]
@@ -317,6 +317,10 @@ pub(crate) struct Render {
     /// Distance of samples along a ray in millimetres, instead of the quality's
     #[arg(long, value_name = "MM")]
     pub(crate) step_mm: Option<f64>,
+    /// Change a number of the level: step_voxels, refined_parts, refined_above, light_span_voxels, least_transmittance or
+    /// resolution_scale (docs/accuracy.md says what each costs); may be given several times
+    #[arg(long, value_name = "NAME=NUMBER", value_parser = tuned)]
+    pub(crate) tune: Vec<(String, f64)>,
     /// Look at every sample, also where nothing is to be seen (to measure what skipping brings)
     #[arg(long)]
     pub(crate) no_skip: bool,
@@ -521,6 +525,13 @@ impl std::str::FromStr for Color {
             .map(Self)
             .ok_or_else(|| format!("'{text}' is no colour; expected R,G,B, each 0 to 1, such as 0,0,0"))
     }
+}
+
+/// A name and a number: `step_voxels=1.5`.
+fn tuned(text: &str) -> Result<(String, f64), String> {
+    let (name, number) = text.split_once('=').ok_or_else(|| format!("'{text}': expected NAME=NUMBER"))?;
+    let number = number.parse().map_err(|e| format!("'{number}' is no number: {e}"))?;
+    Ok((name.to_owned(), number))
 }
 
 /// A number above 0.

@@ -54,7 +54,8 @@ pub(crate) struct GpuFrame {
     pub(crate) depth_rows: u32,
     pub(crate) light_span: f32,
     pub(crate) skip_empty: u32,
-    pub(crate) pad: [u32; 2],
+    pub(crate) part: f32,
+    pub(crate) little: f32,
     pub(crate) stored: [f32; 4],
 }
 
@@ -100,7 +101,8 @@ mod tests {
         let rust = members!(GpuFrame: eyes, render_size, output_size, luma_stride, eye_count, step_mm,
             least_transmittance, dims, value_scale, cells, value_offset, gradient_x, table_scale, gradient_y,
             table_offset, gradient_z, threshold, light, surface_color, surface_opacity, background, window_low,
-            window_per_value, room_mm_per_volume_mm, depth_columns, depth_rows, light_span, skip_empty, stored);
+            window_per_value, room_mm_per_volume_mm, depth_columns, depth_rows, light_span, skip_empty, part,
+            little, stored);
         assert_eq!(wgsl_struct("Frame"), (rust, size_of::<GpuFrame>() as u32));
     }
 

@@ -29,12 +29,13 @@ pub(crate) struct Features {
 impl Features {
     /// What a scene uses at a quality.
     pub(crate) fn of(numbers: &SceneNumbers, quality: &Quality) -> Self {
+        let shows_surfaces = matches!(numbers.mode, Mode::Threshold | Mode::Maximum | Mode::Cumulated);
         Self {
             mode: numbers.mode,
             lit: numbers.lit && numbers.mode == Mode::EmissionAbsorption,
             skip: numbers.has_empty_cells,
             exact_filter: quality.sampling == Sampling::Float32,
-            cells: quality.sampling == Sampling::Cells,
+            cells: quality.sampling == Sampling::Cells || (quality.solves_surfaces && shows_surfaces),
         }
     }
 

@@ -1,9 +1,9 @@
 //! A frame as data: everything the device is told, worked out in float64 and testable without a device.
 
+use crate::Quality;
 use crate::layout::{GpuEye, GpuFrame};
 use crate::pipelines::Features;
 use crate::scene_on_device::SceneNumbers;
-use crate::{Quality, Sampling};
 use spatial::{DAffine3, DMat3, DQuat, DVec3, EyeView, Fov, FovError};
 use volume::Grid;
 
@@ -157,7 +157,8 @@ impl StereoPlan {
         let samples = way_mm / step_mm;
         // Without steps, a step has only to be one.
         let most = numbers.most_samples;
-        let is_counted = quality.sampling != Sampling::Cells;
+        let features = Features::of(numbers, quality);
+        let is_counted = !features.cells;
         if !(step_mm > 0.0 && (!is_counted || samples <= f64::from(most))) {
             return Err(PlanError::Step { step_mm, way_mm, samples, most });
         }
@@ -189,6 +190,8 @@ impl StereoPlan {
                 .floor()
                 .max(1.0) as f32,
             skip_empty: u32::from(quality.skip_empty),
+            part: (1.0 / f64::from(quality.refined_parts)) as f32,
+            little: if quality.refined_parts > 1 { quality.refined_above as f32 } else { 1.0 },
             ..numbers.frame
         };
         let mm_from_index = grid.volume_from_index().matrix3;
@@ -199,7 +202,7 @@ impl StereoPlan {
         }
         Ok(Self {
             frame,
-            features: Features::of(numbers, quality),
+            features,
             step_mm,
             eye_count,
             render_size_px,
@@ -237,6 +240,17 @@ impl StereoPlan {
     #[must_use]
     pub fn step_mm(&self) -> f64 {
         self.step_mm
+    }
+
+    /// Whether rays are gone along in steps, not from cell to cell.
+    #[must_use]
+    pub fn takes_steps(&self) -> bool {
+        !self.features.cells
+    }
+
+    /// The part of a step that is gone at a time where there is more than little to see.
+    pub(crate) fn step_part(&self) -> f64 {
+        f64::from(self.frame.part)
     }
 
     /// Whether the picture is made larger when it is converted.
@@ -288,7 +302,8 @@ fn check_quality(quality: &Quality) -> Result<(), PlanError> {
     let check = |field, found: f64, ok: bool, expected| {
         if ok { Ok(()) } else { Err(PlanError::Quality { field, found, expected }) }
     };
-    let Quality { resolution_scale, step_voxels, least_transmittance, light_span_voxels, .. } = *quality;
+    let Quality { resolution_scale, step_voxels, refined_parts, refined_above, .. } = *quality;
+    let Quality { least_transmittance, light_span_voxels, .. } = *quality;
     check(
         "resolution_scale",
         resolution_scale,
@@ -296,6 +311,9 @@ fn check_quality(quality: &Quality) -> Result<(), PlanError> {
         "above 0, at most 1",
     )?;
     check("step_voxels", step_voxels, step_voxels > 0.0 && step_voxels <= 64.0, "above 0, at most 64")?;
+    let parts_are_right = refined_parts.is_power_of_two() && refined_parts <= 16;
+    check("refined_parts", f64::from(refined_parts), parts_are_right, "1, 2, 4, 8 or 16")?;
+    check("refined_above", refined_above, (0.0..=1.0).contains(&refined_above), "0 to 1")?;
     check(
         "least_transmittance",
         least_transmittance,

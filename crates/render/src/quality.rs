@@ -19,29 +19,48 @@ pub struct Quality {
     pub resolution_scale: f64,
     /// Distance of samples along a ray over the smallest voxel spacing; not looked at with [`Sampling::Cells`].
     pub step_voxels: f64,
+    /// Where a step has more than [`Self::refined_above`] to see at either end, it is gone in so many parts: 1, 2, 4, 8
+    /// or 16; 1 for never. Emission-absorption only, and not looked at with [`Sampling::Cells`].
+    pub refined_parts: u32,
+    /// The opacity of a step above which it is refined, 0 to 1.
+    pub refined_above: f64,
     /// A ray ends when less than this part of the light comes through: the error is at most this, in units of full
     /// brightness. With [`Sampling::Cells`], matter between two knots of the transfer function is integrated to this too.
     pub least_transmittance: f64,
-    /// Samples that follow the first that is seen, within so many voxels, are lit alike, at their weighted mean; 0: each by
-    /// itself. Not looked at with [`Sampling::Cells`].
+    /// Steps that follow the first that is seen, within so many voxels, are lit alike, at their weighted mean; 0: each step
+    /// by itself. Not looked at with [`Sampling::Cells`].
     pub light_span_voxels: f64,
     /// Who interpolates.
     pub sampling: Sampling,
+    /// Whether surfaces and maxima are solved cell by cell, whoever interpolates where matter is summed: one that lies
+    /// between two samples is lost, and no step that is as fast finds as many.
+    pub solves_surfaces: bool,
     /// Whether empty space is skipped; off only to measure what it brings.
     pub skip_empty: bool,
 }
 
 impl Quality {
     /// For a machine that has little to give.
-    pub const DRAFT: Self =
-        Self { step_voxels: 2.0, least_transmittance: 1.0 / 64.0, light_span_voxels: 4.0, ..Self::BALANCED };
-    /// A sample a voxel.
+    pub const DRAFT: Self = Self {
+        step_voxels: 1.5,
+        refined_parts: 2,
+        refined_above: 0.05,
+        least_transmittance: 1.0 / 64.0,
+        light_span_voxels: 4.0,
+        solves_surfaces: false,
+        ..Self::BALANCED
+    };
+    /// Steps of three eighths of a voxel, and quarters of them where there is something to see; surfaces and maxima without
+    /// steps.
     pub const BALANCED: Self = Self {
         resolution_scale: 1.0,
-        step_voxels: 1.0,
+        step_voxels: 0.375,
+        refined_parts: 4,
+        refined_above: 0.01,
         least_transmittance: 1.0 / 256.0,
         light_span_voxels: 0.0,
         sampling: Sampling::Hardware,
+        solves_surfaces: true,
         skip_empty: true,
     };
     /// Without steps, to an eighth of a step of 8 bits.
@@ -57,6 +76,50 @@ impl Quality {
     /// The levels by name, cheapest first.
     pub const LEVELS: [(&'static str, Self); 4] =
         [("draft", Self::DRAFT), ("balanced", Self::BALANCED), ("fine", Self::FINE), ("exact", Self::EXACT)];
+
+    /// The same with steps so many times as long; from twice on with no more care than [`Self::DRAFT`] takes, but not with
+    /// less light.
+    #[must_use]
+    pub fn coarser(self, step_scale: f64) -> Self {
+        let step_voxels = (self.step_voxels * step_scale).min(64.0);
+        if step_scale < 2.0 || self.sampling == Sampling::Cells {
+            return Self { step_voxels, ..self };
+        }
+        Self {
+            step_voxels,
+            refined_parts: self.refined_parts.min(Self::DRAFT.refined_parts),
+            refined_above: self.refined_above.max(Self::DRAFT.refined_above),
+            solves_surfaces: false,
+            ..self
+        }
+    }
+
+    /// The numbers of a quality by name, as [`Self::with`] takes them.
+    pub const NUMBERS: [&'static str; 6] = [
+        "resolution_scale",
+        "step_voxels",
+        "refined_parts",
+        "refined_above",
+        "least_transmittance",
+        "light_span_voxels",
+    ];
+
+    /// The same with another number of that name; `None` if there is none. Whether the number is in its range is said when
+    /// a frame is planned.
+    #[must_use]
+    pub fn with(mut self, name: &str, number: f64) -> Option<Self> {
+        match name {
+            "resolution_scale" => self.resolution_scale = number,
+            "step_voxels" => self.step_voxels = number,
+            // What is no whole number becomes none that is allowed.
+            "refined_parts" => self.refined_parts = if number.fract() == 0.0 { number as u32 } else { 0 },
+            "refined_above" => self.refined_above = number,
+            "least_transmittance" => self.least_transmittance = number,
+            "light_span_voxels" => self.light_span_voxels = number,
+            _ => return None,
+        }
+        Some(self)
+    }
 
     /// The names of the levels, for people who chose another.
     #[must_use]

@@ -3,7 +3,9 @@
 use crate::error::RenderError;
 use crate::gpu::Gpu;
 use crate::layout::GpuFrame;
-use crate::table::{ENTRIES, SeenValues, TableDomain, extinction_table, optical_table, stretches};
+use crate::table::{
+    SeenValues, TABLE_WIDTH, TableDomain, extinction_table, optical_table, stretches, table_texture,
+};
 use crate::volume_on_device::SharedVolume;
 use crate::{DepthGridSize, FrameRenderer, Placed, Quality, StereoPlan, StereoRequest};
 use scene::{Mode, Scene};
@@ -41,7 +43,7 @@ pub struct SceneOnDevice {
     table_sampler: wgpu::Sampler,
     extinction: wgpu::Buffer,
     stretches: wgpu::Buffer,
-    bind_groups: Mutex<HashMap<u64, Arc<wgpu::BindGroup>>>,
+    bind_groups: Mutex<HashMap<[u64; 2], Arc<wgpu::BindGroup>>>,
 }
 
 impl SceneOnDevice {
@@ -182,11 +184,11 @@ impl SceneOnDevice {
         &self.volume.channels[self.scene.channel].bind_group
     }
 
-    /// Table and distances, for samples `step_mm` apart.
-    pub(crate) fn scene_group(&self, step_mm: f64) -> Result<Arc<wgpu::BindGroup>, RenderError> {
+    /// Tables and distances, for steps of `step_mm` and of a part of it.
+    pub(crate) fn scene_group(&self, step_mm: f64, part: f64) -> Result<Arc<wgpu::BindGroup>, RenderError> {
         // Bind groups are whole or absent, whatever panicked elsewhere.
         let mut kept = self.bind_groups.lock().unwrap_or_else(PoisonError::into_inner);
-        let key = step_mm.to_bits();
+        let key = [step_mm, part].map(f64::to_bits);
         if let Some(found) = kept.get(&key) {
             return Ok(found.clone());
         }
@@ -195,10 +197,10 @@ impl SceneOnDevice {
         }
         let table = self.gpu.small_texture(
             "the scene's table",
-            [ENTRIES as u32, 1, 1],
+            [TABLE_WIDTH as u32, 1, 1],
             wgpu::TextureDimension::D1,
             wgpu::TextureFormat::Rgba32Float,
-            bytemuck::cast_slice(&optical_table(&self.scene, self.domain, step_mm)),
+            bytemuck::cast_slice(&table_texture(&self.scene, self.domain, step_mm, part)),
         )?;
         let group = Arc::new(self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("scene"),

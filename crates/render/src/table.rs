@@ -5,7 +5,11 @@ use crate::layout::GpuStretch;
 use scene::{HIGHEST_OPACITY_PER_MM, Mode, Scene, TransferFunction, TransferPoint};
 
 /// Entries of a table. Linear between them.
-pub(crate) const ENTRIES: usize = 4096;
+pub(crate) const ENTRIES: usize = 4094;
+/// Where the entries for a part of a step begin in the texture that holds both tables; the shader has the same number.
+const OF_PARTS: usize = ENTRIES + 2;
+/// Texels of that texture.
+pub(crate) const TABLE_WIDTH: usize = 2 * OF_PARTS;
 
 /// The values a table covers, whatever the step: where the transfer function and the data overlap.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,6 +63,17 @@ pub(crate) fn optical_table(scene: &Scene, domain: TableDomain, step_mm: f64) ->
             [r as f32, g as f32, b as f32, opacity as f32]
         })
         .collect()
+}
+
+/// The tables of a step and of a part of one, one behind the other. Between them lies a copy of the nearest entry of each,
+/// so that a filter that is not quite at an entry's centre mixes nothing in.
+pub(crate) fn table_texture(scene: &Scene, domain: TableDomain, step_mm: f64, part: f64) -> Vec<[f32; 4]> {
+    let [step, of_part] = [1.0, part].map(|part| optical_table(scene, domain, step_mm * part));
+    let mut texels = step;
+    texels.extend([texels[ENTRIES - 1], of_part[0]]);
+    texels.extend(&of_part);
+    texels.resize(TABLE_WIDTH, of_part[ENTRIES - 1]);
+    texels
 }
 
 /// Extinction a millimetre, by value.

@@ -202,7 +202,7 @@ pub(crate) fn record_raycast(
     targets: &Targets,
     timestamps: Option<wgpu::ComputePassTimestampWrites<'_>>,
 ) -> Result<(), RenderError> {
-    let scene_group = scene.scene_group(plan.step_mm())?;
+    let scene_group = scene.scene_group(plan.step_mm(), plan.step_part())?;
     let pipelines = gpu.pipelines.raycast(&gpu.device, plan.features);
     encoder.clear_buffer(&targets.work, 0, Some(WORK_HEAD_BYTES));
     let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {

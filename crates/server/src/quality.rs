@@ -24,21 +24,22 @@ impl Rung {
     }
 }
 
-/// From all to little. Steps stay near a voxel: longer ones lose what is thin, such as a rib, where fewer rays only
-/// blur it. Below the last rung a picture says nothing any more, and on a software driver a frame's fixed cost outweighs
-/// its rays (measured: half of the rays take four fifths of the time); then the rate gives way.
-pub const LADDER: [Rung; 11] = [
+/// From all to little. Steps grow to one and a half of a voxel and no further: longer ones lose what is thin, such as a rib,
+/// where fewer rays only blur it. Below the last rung a picture says nothing any more, and on a software driver a frame's
+/// fixed cost outweighs its rays (measured: half of the rays take four fifths of the time); then the rate gives way.
+pub const LADDER: [Rung; 12] = [
     Rung::new(1.0, 1.0),
-    Rung::new(1.0, 1.5),
-    Rung::new(0.85, 1.5),
-    Rung::new(0.75, 1.5),
-    Rung::new(0.65, 1.5),
-    Rung::new(0.57, 1.5),
-    Rung::new(0.5, 1.5),
-    Rung::new(0.43, 1.5),
-    Rung::new(0.37, 1.5),
-    Rung::new(0.31, 1.5),
-    Rung::new(0.26, 1.5),
+    Rung::new(1.0, 2.0),
+    Rung::new(1.0, 4.0),
+    Rung::new(0.85, 4.0),
+    Rung::new(0.75, 4.0),
+    Rung::new(0.65, 4.0),
+    Rung::new(0.57, 4.0),
+    Rung::new(0.5, 4.0),
+    Rung::new(0.43, 4.0),
+    Rung::new(0.37, 4.0),
+    Rung::new(0.31, 4.0),
+    Rung::new(0.26, 4.0),
 ];
 
 /// Above this part of the device's time, frames come too late: what jitters finds the device busy.

@@ -139,8 +139,7 @@ impl RenderLoop {
         let asked = self.shared.settings.quality;
         let quality = Quality {
             resolution_scale: asked.resolution_scale * rung.resolution_scale,
-            step_voxels: (asked.step_voxels * rung.step_scale).min(64.0),
-            ..asked
+            ..asked.coarser(rung.step_scale)
         };
         let scene = shown.scene.scene();
         let plan = StereoPlan::new(

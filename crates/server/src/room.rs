@@ -89,6 +89,9 @@ fn make(
     file: &SceneFile,
 ) -> Result<Arc<SceneOnDevice>, SceneChangeError> {
     let scene = SceneOnDevice::new(gpu, volume, &file.resolve(facts)?)?;
-    scene.prepare(quality)?;
+    // What the ladder may come to needs other pipelines than what was asked for.
+    for step_scale in [1.0, 2.0] {
+        scene.prepare(&quality.coarser(step_scale))?;
+    }
     Ok(Arc::new(scene))
 }

@@ -1,7 +1,7 @@
 //! `holocast render`.
 
 use crate::cli::Render;
-use crate::commands::shown::{Shown, quality_named};
+use crate::commands::shown::{Shown, quality_named, tuned};
 use crate::commands::viewpoint::Viewpoint;
 use crate::terminal::{progress, progress_done, say, tell};
 use ::reference::{Picture, RaySetup};
@@ -22,11 +22,8 @@ pub(crate) fn run(arguments: &Render) -> anyhow::Result<()> {
 
 /// The renderer's picture.
 fn approximate(arguments: &Render, outputs: &Outputs<'_>) -> anyhow::Result<()> {
-    let mut quality = quality_named(&arguments.quality)?;
+    let mut quality = tuned(quality_named(&arguments.quality)?, &arguments.tune)?;
     quality.skip_empty = !arguments.no_skip;
-    if arguments.step_mm.is_some() && quality.sampling == ::render::Sampling::Cells {
-        tell(format!("note: the level {} takes no steps: --step-mm changes nothing", arguments.quality));
-    }
     let shown = Shown::load(arguments.scene.as_deref(), arguments.volume.as_deref(), &arguments.chosen)?;
     let gpu = Arc::new(Gpu::open(arguments.adapter.as_deref())?);
     let volume = Arc::new(VolumeOnDevice::upload(&gpu, &shown.loaded.volume, |_| {})?);
@@ -42,6 +39,9 @@ fn approximate(arguments: &Render, outputs: &Outputs<'_>) -> anyhow::Result<()> 
         depth_grid: DepthGridSize::default(),
     };
     let plan = StereoPlan::new(&request, grid, on_device.numbers())?;
+    if arguments.step_mm.is_some() && !plan.takes_steps() {
+        tell(format!("note: the level {} takes no steps here: --step-mm changes nothing", arguments.quality));
+    }
 
     let still = StillRenderer::new(&gpu).render(&on_device, &plan)?;
     outputs.write(&picture_of(&still)?, shown.scene.background)?;

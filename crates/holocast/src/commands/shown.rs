@@ -53,6 +53,16 @@ pub(crate) fn quality_named(name: &str) -> anyhow::Result<Quality> {
         .with_context(|| format!("no quality '{name}'; there are: {}", Quality::level_names()))
 }
 
+/// A quality with some of its numbers changed.
+pub(crate) fn tuned(quality: Quality, numbers: &[(String, f64)]) -> anyhow::Result<Quality> {
+    numbers.iter().try_fold(quality, |quality, (name, number)| {
+        let names = Quality::NUMBERS.join(", ");
+        quality
+            .with(name, *number)
+            .with_context(|| format!("no number '{name}' in a quality; there are: {names}"))
+    })
+}
+
 /// Reads a scene file.
 pub(crate) fn read_scene(path: &Path) -> anyhow::Result<SceneFile> {
     let text =

@@ -2,7 +2,7 @@
 
 use crate::scenes::{Case, made, scans};
 use crate::setting::{keep_failure, tell};
-use crate::tolerances::{self, BALANCED_DB, BALANCED_SHORT, FINE_RMSE, MOST_JUMPS};
+use crate::tolerances::{self, BALANCED_DB, FINE_RMSE, MOST_JUMPS};
 use reference::{Picture, Tolerance, Uncertainty, compare, judge};
 use render::Quality;
 
@@ -45,17 +45,12 @@ fn pixels_of(
 fn at_balanced(case: &Case, exact: &Picture) -> Option<String> {
     let drawn = case.shown.drawn(case.eye, case.size, Quality::BALANCED, None);
     let found = compare(exact, &drawn).unwrap().psnr_db;
-    let short = BALANCED_SHORT.iter().find(|(name, _)| *name == case.name);
-    let asked = short.map_or(BALANCED_DB, |(_, db)| *db);
-    let falls = if short.is_some() { ", falls short" } else { "" };
-    tell(&format!("{:56} balanced: {found:.1} dB{falls}", case.name));
-    if found >= asked {
-        // What no longer falls short is to be taken off the list.
-        let mended = short.is_some() && found > BALANCED_DB + 3.0;
-        return mended.then(|| format!("{}: {found} dB, and yet said to fall short", case.name));
+    tell(&format!("{:56} balanced: {found:.1} dB", case.name));
+    if found >= BALANCED_DB {
+        return None;
     }
     keep_failure(&format!("{} balanced", case.name), exact, &drawn);
-    Some(format!("{}: balanced: {found} dB, expected {asked}", case.name))
+    Some(format!("{}: balanced: {found} dB, expected {BALANCED_DB}", case.name))
 }
 
 #[track_caller]

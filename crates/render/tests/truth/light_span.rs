@@ -23,7 +23,7 @@ fn around(centre: DVec3) -> (Shown, EyeView) {
 }
 
 fn with_span(light_span_voxels: f64) -> Quality {
-    Quality { light_span_voxels, ..Quality::BALANCED }
+    Quality { light_span_voxels, step_voxels: 1.0, ..Quality::BALANCED }
 }
 
 #[test]

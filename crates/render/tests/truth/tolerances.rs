@@ -19,29 +19,6 @@ pub(crate) const FINE_COLOR: f64 = 3.0 * STEP_OF_8_BITS;
 /// At the level `balanced`, decibels: a mean square error of 1.4 steps of 8 bits, below what video coding adds.
 pub(crate) const BALANCED_DB: f64 = 45.0;
 
-/// Where `balanced` falls short of that: part of a scene's name, and what it has instead, less a decibel for the filters of
-/// devices. All for one reason: a sample a voxel. In noise, neighbouring voxels have nothing in common, and every other
-/// peak lies between samples; a rib or the rim of a label is thinner than a step, and the CT's bones take all light
-/// within one. Steps of an eighth of a voxel would mend most of it (`docs/decisions/0013-exact-without-steps.md`), at eight
-/// times the cost; `fine` mends all.
-pub(crate) const BALANCED_SHORT: [(&str, f64); 15] = [
-    ("scan: bones-over-xray", 33.2),
-    ("scan: bones", 26.7),
-    ("scan: demo", 27.4),
-    ("noise u8: emission-absorption, lit", 34.7),
-    ("noise u8: emission-absorption", 36.1),
-    ("noise u8: threshold", 21.9),
-    ("noise u8: maximum", 16.5),
-    ("noise u8: cumulated", 27.2),
-    ("noise f32, oblique: emission-absorption, lit", 39.5),
-    ("noise f32, oblique: emission-absorption", 43.6),
-    ("noise f32, oblique: threshold", 27.7),
-    ("noise f32, oblique: maximum", 19.9),
-    ("noise f32, oblique: cumulated", 32.8),
-    ("labels u8: threshold", 41.8),
-    ("labels u8: maximum", 40.0),
-];
-
 /// Largest error of a depth where opacity is high, in voxels (of the smallest spacing). A headset reprojects by depth: at
 /// half a metre, a quarter of a millimetre seen 64 mm beside is 0.2 of the 47 pixels that a degree has.
 pub(crate) const DEPTH_VOXELS: f64 = 0.25;
