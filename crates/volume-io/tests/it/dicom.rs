@@ -311,13 +311,14 @@ fn of_a_series_in_time_the_step_that_was_asked_for_is_loaded() {
             );
             match by {
                 0 => slice.with(0x0020, 0x0100, "IS", &of.to_string()),
-                1 => slice.with(0x0018, 0x1060, "DS", &(of * 40).to_string()),
+                1 => slice.raw(0x0020, 0x9128, "UL", &of.to_le_bytes()),
+                2 => slice.with(0x0018, 0x1060, "DS", &(of * 40).to_string()),
                 _ => slice.with(0x0008, 0x0032, "TM", &at(of * 1250 + i)),
             }
         });
         slices.collect::<Vec<_>>()
     };
-    for (by, step_secs) in [None, Some(0.04), Some(1.25)].into_iter().enumerate() {
+    for (by, step_secs) in [None, None, Some(0.04), Some(1.25)].into_iter().enumerate() {
         let slices = [step(2, by), step(0, by), step(3, by), step(1, by)].concat();
         for time in 0..4 {
             let loaded = parts_with(&slices, &LoadOptions { time, ..LoadOptions::default() }).unwrap();
