@@ -19,6 +19,14 @@ pub enum ReferenceError {
         /// How many.
         count: usize,
     },
+    /// The scene takes measured values for labels, or labels for measured values.
+    #[error(
+        "the scene was resolved for another volume: channel '{channel}' is not of the kind that it shows"
+    )]
+    Kind {
+        /// The channel's name.
+        channel: String,
+    },
     /// A picture without pixels.
     #[error("a picture of {width} by {height} pixels has none")]
     Empty {

@@ -133,6 +133,13 @@ impl<'a> Field<'a> {
         ]
     }
 
+    /// The label of a voxel.
+    pub(crate) fn label(&self, voxel: [i32; 3]) -> i64 {
+        let [x, y, z] = [0, 1, 2].map(|axis| self.held(axis, voxel[axis]));
+        let at = (z * self.dims[1] as usize + y) * self.dims[0] as usize + x;
+        self.channel.label_of(self.channel.voxels.stored(at))
+    }
+
     /// The largest absolute value of any sample.
     pub(crate) fn largest_magnitude(&self) -> f64 {
         (0..self.channel.voxels.len()).map(|at| self.channel.value(at).abs()).fold(0.0, f64::max)

@@ -12,6 +12,7 @@ mod doubt;
 mod emission;
 mod error;
 mod field;
+mod labels;
 mod metrics;
 mod picture;
 mod polynomial;

@@ -1,13 +1,13 @@
 //! The exact picture of a scene.
 
 use crate::emission::{Emission, lit};
-use crate::surface;
 use crate::transfer::Stretches;
 use crate::{Field, Picture, Pixel, Ray, RaySetup, ReferenceError};
+use crate::{labels, surface};
 use rayon::prelude::*;
 use scene::{Mode, Scene};
 use std::sync::atomic::{AtomicUsize, Ordering};
-use volume::Volume;
+use volume::{ChannelKind, Volume};
 
 /// How much of a picture is done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,7 +30,8 @@ impl<'a> Reference<'a> {
     /// Takes a scene of a volume; looks at every sample of its channel.
     ///
     /// # Errors
-    /// If the volume has no such channel, or samples of it are not finite.
+    /// If the volume has no such channel, samples of it are not finite, or it holds labels and the scene shows none
+    /// (or the other way round).
     pub fn new(volume: &'a Volume, scene: &'a Scene) -> Result<Self, ReferenceError> {
         let channels = volume.channels();
         let channel = channels
@@ -39,6 +40,9 @@ impl<'a> Reference<'a> {
         let count = (0..channel.voxels.len()).filter(|&at| !channel.value(at).is_finite()).count();
         if count > 0 {
             return Err(ReferenceError::NotFinite { channel: channel.name.clone(), count });
+        }
+        if scene.labels.is_some() != (channel.kind == ChannelKind::Label) {
+            return Err(ReferenceError::Kind { channel: channel.name.clone() });
         }
         Ok(Self {
             field: Field::new(channel, volume.grid()),
@@ -97,6 +101,9 @@ impl<'a> Reference<'a> {
 
     /// What a ray sees of a field; in mode emission-absorption the depth is where `depth_at` of the light is left.
     pub(crate) fn seen(&self, field: &Field<'_>, ray: &Ray, depth_at: f64) -> Pixel {
+        if let Some(looks) = &self.scene.labels {
+            return labels::pixel(field, looks, self.scene.light.as_ref(), depth_at, ray);
+        }
         match self.scene.mode {
             Mode::EmissionAbsorption => {
                 let light = self.scene.light.as_ref();

@@ -54,6 +54,24 @@ pub enum RenderError {
         /// How many.
         count: usize,
     },
+    /// A channel holds more labels than can be told apart.
+    #[error("channel '{channel}' holds {found} labels, at most {max} can be told apart")]
+    TooManyLabels {
+        /// The channel's name.
+        channel: String,
+        /// How many.
+        found: usize,
+        /// The most.
+        max: usize,
+    },
+    /// The scene takes measured values for labels, or labels for measured values.
+    #[error("the scene was resolved for another volume: channel '{channel}' {}", if *labels { "holds labels" } else { "holds measured values" })]
+    Kind {
+        /// The channel's name.
+        channel: String,
+        /// Whether the channel holds labels.
+        labels: bool,
+    },
     /// The picture has more pixels along a side than a texture may have.
     #[error("one eye's picture has {size_px:?} pixels, the device allows {max} along each side")]
     PictureTooLarge {

@@ -13,6 +13,7 @@ mod cells;
 mod error;
 mod frame;
 mod gpu;
+mod labels;
 mod layout;
 mod pipelines;
 mod plan;

@@ -24,6 +24,8 @@ pub(crate) struct Features {
     pub(crate) exact_filter: bool,
     /// Whether cells are solved instead of stepped through.
     pub(crate) cells: bool,
+    /// Whether voxels hold labels, which are gone through one by one whatever the quality.
+    pub(crate) labels: bool,
 }
 
 impl Features {
@@ -34,8 +36,10 @@ impl Features {
             mode: numbers.mode,
             lit: numbers.lit && numbers.mode == Mode::EmissionAbsorption,
             skip: numbers.has_empty_cells,
-            exact_filter: quality.sampling == Sampling::Float32,
-            cells: quality.sampling == Sampling::Cells || (quality.solves_surfaces && shows_surfaces),
+            exact_filter: quality.sampling == Sampling::Float32 && !numbers.labels,
+            cells: !numbers.labels
+                && (quality.sampling == Sampling::Cells || (quality.solves_surfaces && shows_surfaces)),
+            labels: numbers.labels,
         }
     }
 
@@ -195,7 +199,11 @@ impl Pipelines {
             ("EXACT_FILTER", flag(features.exact_filter)),
             ("ENTRIES", ENTRIES as f64),
         ];
-        let entry = if features.cells { "exact" } else { "raycast" };
+        let entry = match features {
+            Features { labels: true, .. } => "labels",
+            Features { cells: true, .. } => "exact",
+            _ => "raycast",
+        };
         let all_of_the_way = matches!(features.mode, Mode::XRay | Mode::Maximum | Mode::Cumulated);
         let tile_constants =
             [("SKIP", flag(features.skips_by_tile())), ("ALL_OF_THE_WAY", flag(all_of_the_way))];

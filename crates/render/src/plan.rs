@@ -158,7 +158,7 @@ impl StereoPlan {
         // Without steps, a step has only to be one.
         let most = numbers.most_samples;
         let features = Features::of(numbers, quality);
-        let is_counted = !features.cells;
+        let is_counted = !features.cells && !features.labels;
         if !(step_mm > 0.0 && (!is_counted || samples <= f64::from(most))) {
             return Err(PlanError::Step { step_mm, way_mm, samples, most });
         }
@@ -384,6 +384,7 @@ mod tests {
         SceneNumbers {
             mode: Mode::EmissionAbsorption,
             lit: false,
+            labels: false,
             has_empty_cells: true,
             most_samples: 60_000,
             frame: GpuFrame::default(),

@@ -2,6 +2,7 @@
 
 use crate::error::RenderError;
 use crate::gpu::Gpu;
+use crate::labels::{SeenLabels, looks_on_device};
 use crate::layout::GpuFrame;
 use crate::table::{
     SeenValues, TABLE_WIDTH, TableDomain, extinction_table, optical_table, stretches, table_texture,
@@ -22,6 +23,8 @@ const TABLES_KEPT: usize = 16;
 pub struct SceneNumbers {
     pub(crate) mode: Mode,
     pub(crate) lit: bool,
+    /// Whether labels are shown.
+    pub(crate) labels: bool,
     /// Whether skipping can bring something; the mean of a ray needs all of it.
     pub(crate) has_empty_cells: bool,
     /// Most samples along a ray that the device can take.
@@ -57,6 +60,14 @@ impl SceneOnDevice {
             .channels
             .get(scene.channel)
             .ok_or(RenderError::NoSuchChannel { channel: scene.channel, channels })?;
+        let looks = match (&scene.labels, &channel.labels) {
+            (Some(looks), Some(numbers)) => Some(looks_on_device(numbers, looks)),
+            (None, None) => None,
+            (_, labels) => {
+                let (channel, labels) = (channel.name.clone(), labels.is_some());
+                return Err(RenderError::Kind { channel, labels });
+            }
+        };
         let data = channel.cells.whole();
         let domain = TableDomain::of(scene, data);
         // Any step shows the same values; only the opacity of a step differs.
@@ -64,6 +75,10 @@ impl SceneOnDevice {
         // The shader's value may err by some units of float32's last place.
         let slack = (data[1] - data[0]).max(data[0].abs()).max(data[1].abs()) * 1.0e-6;
         let distances = match scene.mode {
+            _ if let Some(looks) = &looks => {
+                let seen = SeenLabels::of(looks);
+                channel.cells.distance_to_seen(|r| seen.is_seen(r))
+            }
             Mode::EmissionAbsorption => channel.cells.distance_to_seen(|r| seen.is_seen(r)),
             Mode::Threshold | Mode::Cumulated => {
                 channel.cells.distance_to_seen(|r| f64::from(r[1] + slack) >= scene.threshold)
@@ -107,7 +122,8 @@ impl SceneOnDevice {
         };
         let extinction =
             numbers("the scene's extinction", bytemuck::cast_slice(&extinction_table(scene, domain)))?;
-        let stretches = numbers("the scene's stretches", bytemuck::cast_slice(&stretches(scene)))?;
+        let stretches = looks.unwrap_or_else(|| stretches(scene));
+        let stretches = numbers("the scene's stretches", bytemuck::cast_slice(&stretches))?;
         let frame = GpuFrame {
             stored: channel.stored.map(|x| x as f32),
             ..frame_numbers(scene, domain, channel.value_scale, channel.value_offset)
@@ -115,6 +131,7 @@ impl SceneOnDevice {
         let numbers = SceneNumbers {
             mode: scene.mode,
             lit: scene.light.is_some(),
+            labels: scene.labels.is_some(),
             has_empty_cells,
             most_samples: gpu.most_samples(),
             frame,

@@ -8,13 +8,14 @@ pub(crate) const TILES: &str = concat!(
     include_str!("../../../shaders/tiles.wgsl"),
 );
 
-/// Ray-cast both eyes: in steps (`raycast`), or without (`exact`).
+/// Ray-cast both eyes: in steps (`raycast`), without (`exact`), or labels, voxel by voxel (`labels`).
 pub(crate) const RAYCAST: &str = concat!(
     include_str!("../../../shaders/common/frame.wgsl"),
     include_str!("../../../shaders/common/tiles.wgsl"),
     include_str!("../../../shaders/common/field.wgsl"),
     include_str!("../../../shaders/raycast.wgsl"),
     include_str!("../../../shaders/exact.wgsl"),
+    include_str!("../../../shaders/labels.wgsl"),
 );
 
 /// Convert the picture to YUV 4:2:0.

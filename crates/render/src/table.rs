@@ -207,8 +207,12 @@ mod tests {
             maximum: 255.0,
             percentile_2: 0.0,
             percentile_99_8: 255.0,
+            labels: None,
         };
-        SceneFile::from_json(json).unwrap().resolve(&VolumeFacts { channels: vec![channel] }).unwrap()
+        SceneFile::from_json(json)
+            .unwrap()
+            .resolve(&VolumeFacts { channels: vec![channel], modality: None })
+            .unwrap()
     }
 
     #[test]

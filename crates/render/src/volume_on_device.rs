@@ -3,9 +3,10 @@
 use crate::cells::CellRanges;
 use crate::error::RenderError;
 use crate::gpu::Gpu;
+use crate::labels;
 use rayon::prelude::*;
 use std::sync::Arc;
-use volume::{Channel, Grid, Volume, Voxels};
+use volume::{Channel, ChannelKind, Grid, Volume, Voxels};
 
 /// Bytes uploaded at a time: what the driver holds twice while it copies.
 const SLAB_BYTES: usize = 8 << 20;
@@ -23,6 +24,9 @@ pub struct VolumeOnDevice {
 /// One channel.
 #[derive(Debug)]
 pub(crate) struct ChannelOnDevice {
+    pub(crate) name: String,
+    /// The labels whose places voxels hold, in order, where the channel holds labels.
+    pub(crate) labels: Option<Vec<i64>>,
     pub(crate) cells: CellRanges,
     pub(crate) bind_group: wgpu::BindGroup,
     /// value = raw · value_scale + value_offset, raw as the texture gives it.
@@ -76,6 +80,16 @@ impl ChannelOnDevice {
                 return Err(RenderError::NotFinite { channel: channel.name.clone(), count });
             }
         }
+        let name = channel.name.clone();
+        let placed;
+        let (labels, channel) = match channel.kind {
+            ChannelKind::Intensity => (None, channel),
+            ChannelKind::Label => {
+                let (numbers, places) = labels::places(channel)?;
+                placed = places;
+                (Some(numbers), &placed)
+            }
+        };
         let [width, height, depth] = grid.dims();
         // How stored numbers reach the shader: unorm formats as a part of their range.
         let is_widened = is_widened(gpu, channel);
@@ -150,7 +164,7 @@ impl ChannelOnDevice {
         let bind_group = Self::bind(gpu, &texture)?;
         let integers = if matches!(channel.voxels, Voxels::F32(_)) { 0.0 } else { unit };
         let stored = [integers, shift, channel.slope, channel.intercept];
-        Ok(Self { cells, bind_group, value_scale, value_offset, stored })
+        Ok(Self { name, labels, cells, bind_group, value_scale, value_offset, stored })
     }
 
     fn bind(gpu: &Gpu, texture: &wgpu::Texture) -> Result<wgpu::BindGroup, RenderError> {

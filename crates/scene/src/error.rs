@@ -45,6 +45,67 @@ pub enum SceneError {
         /// What there is.
         available: String,
     },
+    /// The volume has no such label, and no table names it.
+    #[error("the scene names label {wanted}, the volume has: {available}")]
+    NoSuchLabel {
+        /// Name or number asked for.
+        wanted: String,
+        /// What there is.
+        available: String,
+    },
+    /// Labels are told apart, not measured: no other mode has a meaning for them.
+    #[error(
+        "channel '{channel}' holds labels, which mode {mode} cannot show: use emission-absorption, or load its numbers \
+         as measured values (--kind intensity)"
+    )]
+    LabelMode {
+        /// The channel's name.
+        channel: String,
+        /// The mode asked for.
+        mode: &'static str,
+    },
+    /// The scene says how labels look, but the channel holds none.
+    #[error(
+        "the scene has 'labels', but channel '{channel}' holds measured values: if they are labels, load them as such \
+         (--kind label)"
+    )]
+    NotLabels {
+        /// The channel's name.
+        channel: String,
+    },
+    /// There is no such preset.
+    #[error("no preset '{wanted}'; there are: {available}")]
+    NoSuchPreset {
+        /// What was asked for.
+        wanted: String,
+        /// The names there are.
+        available: String,
+    },
+    /// A preset is made for other volumes.
+    #[error(
+        "preset '{preset}' is for {wants}, but {found}: choose one that fits ({fits}), or say what the volume is \
+         (--modality CT, --kind label)"
+    )]
+    PresetFit {
+        /// The preset.
+        preset: String,
+        /// What it is for.
+        wants: String,
+        /// What the volume is.
+        found: String,
+        /// Presets that fit.
+        fits: String,
+    },
+    /// A file is named where only the one who started the program may name files.
+    #[error(
+        "the scene names the file '{file}' in {field}, which only a scene file on the server's machine may"
+    )]
+    File {
+        /// The field.
+        field: &'static str,
+        /// The file.
+        file: String,
+    },
 }
 
 /// Checks that a number lies in a range, for [`SceneError::Range`].

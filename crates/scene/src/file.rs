@@ -1,7 +1,10 @@
 //! The scene file.
 
 use crate::error::{SceneError, within};
-use crate::{Camera, Headlight, Mode, Placement, Scene, TransferFunction, Window};
+use crate::{
+    Camera, Headlight, LabelFacts, LabelLooks, LabelsFile, Mode, Placement, Preset, Scene, TransferFunction,
+    Window,
+};
 use std::path::PathBuf;
 
 /// Largest scene file in bytes: a scene is some numbers, not data.
@@ -20,6 +23,9 @@ pub struct SceneFile {
     /// Channel of the volume, by name or by number from 0. Default: the first.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub channel: Option<ChannelChoice>,
+    /// The look that fills what the scene leaves out: `holocast presets` names them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub preset: Option<String>,
     /// How samples become a pixel. Default: emission-absorption.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mode: Option<Mode>,
@@ -27,6 +33,13 @@ pub struct SceneFile {
     /// over the window.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub transfer: Option<TransferFunction>,
+    /// A file with a transfer function instead, relative to the scene file: a volume property or `presets.xml` of 3D
+    /// Slicer (`presets.xml#CT-AAA`), or a colour map of ParaView.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub transfer_file: Option<String>,
+    /// How labels look, where the channel holds labels.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub labels: Option<LabelsFile>,
     /// Value of the surface in the modes threshold and cumulated. Default: the middle of the window.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub threshold: Option<f64>,
@@ -84,6 +97,8 @@ pub struct ChannelFacts {
     pub percentile_2: f64,
     /// Value that 99.8 % of the samples lie below.
     pub percentile_99_8: f64,
+    /// Its labels, where it holds labels.
+    pub labels: Option<LabelFacts>,
 }
 
 /// What a scene needs to know of a volume.
@@ -91,6 +106,8 @@ pub struct ChannelFacts {
 pub struct VolumeFacts {
     /// One for each channel.
     pub channels: Vec<ChannelFacts>,
+    /// `CT`, `MR`, `PT`, … where it is known.
+    pub modality: Option<String>,
 }
 
 impl VolumeFacts {
@@ -105,9 +122,28 @@ impl VolumeFacts {
                 maximum: statistics.maximum,
                 percentile_2: statistics.percentile(0.02),
                 percentile_99_8: statistics.percentile(0.998),
+                labels: (c.kind == volume::ChannelKind::Label).then(|| LabelFacts {
+                    present: c.label_counts().iter().map(|l| l.number).collect(),
+                    table: volume::LabelTable::default(),
+                }),
             }
         };
-        Self { channels: volume.channels().iter().map(channel).collect() }
+        Self { channels: volume.channels().iter().map(channel).collect(), modality: None }
+    }
+
+    /// The same with the modality that the file or a person names.
+    #[must_use]
+    pub fn with_modality(self, modality: Option<&str>) -> Self {
+        Self { modality: modality.map(str::to_owned), ..self }
+    }
+
+    /// The same with what the volume's file says of its labels.
+    #[must_use]
+    pub fn with_labels(mut self, table: &volume::LabelTable) -> Self {
+        for labels in self.channels.iter_mut().filter_map(|c| c.labels.as_mut()) {
+            labels.table = table.clone();
+        }
+        self
     }
 }
 
@@ -141,8 +177,14 @@ impl SceneFile {
     }
 
     fn check(&self) -> Result<(), SceneError> {
+        if let Some(preset) = &self.preset {
+            Preset::named(preset)?;
+        }
         if let Some(transfer) = &self.transfer {
             transfer.check()?;
+        }
+        if let Some(labels) = &self.labels {
+            labels.check()?;
         }
         if let Some(threshold) = self.threshold {
             within("threshold", threshold, -1.0e12..=1.0e12, "a finite number within 1e12")?;
@@ -190,9 +232,21 @@ impl SceneFile {
     /// If the volume has no such channel, or a number is out of its range.
     pub fn resolve(&self, facts: &VolumeFacts) -> Result<Scene, SceneError> {
         self.check()?;
+        if let Some(file) = &self.transfer_file {
+            return Err(SceneError::File { field: "transfer_file", file: file.clone() });
+        }
         let channel = self.channel_index(facts)?;
         let of = &facts.channels[channel];
+        match &self.preset {
+            Some(preset) => Preset::named(preset)?.applied(self, facts, of)?.filled(channel, of),
+            None => self.filled(channel, of),
+        }
+    }
+
+    /// The scene with what is left out filled from the channel.
+    fn filled(&self, channel: usize, of: &ChannelFacts) -> Result<Scene, SceneError> {
         let window = self.window.unwrap_or_else(|| default_window(of));
+        let labels = self.label_looks(of)?;
         let transfer = match &self.transfer {
             Some(transfer) => transfer.clone(),
             None => default_transfer(window, self.mode)?,
@@ -206,6 +260,7 @@ impl SceneFile {
             channel,
             mode: self.mode.unwrap_or(Mode::EmissionAbsorption),
             transfer,
+            labels,
             threshold,
             surface_color,
             surface_opacity: self.surface_opacity.unwrap_or(match self.mode {
@@ -217,6 +272,25 @@ impl SceneFile {
             placement: self.placement.unwrap_or_default(),
             background: self.background.unwrap_or_default(),
         })
+    }
+
+    fn label_looks(&self, of: &ChannelFacts) -> Result<Option<LabelLooks>, SceneError> {
+        let channel = || of.name.clone();
+        let Some(facts) = &of.labels else {
+            return match self.labels {
+                Some(_) => Err(SceneError::NotLabels { channel: channel() }),
+                None => Ok(None),
+            };
+        };
+        if let Some(mode) = self.mode.filter(|&mode| mode != Mode::EmissionAbsorption) {
+            return Err(SceneError::LabelMode { channel: channel(), mode: mode.name() });
+        }
+        let labels = self.labels.as_ref();
+        if let Some(file) = labels.and_then(|labels| labels.file.as_ref()) {
+            let file = file.display().to_string();
+            return Err(SceneError::File { field: "labels.file", file });
+        }
+        labels.unwrap_or(&LabelsFile::default()).resolve(facts, self.transfer.as_ref()).map(Some)
     }
 
     fn channel_index(&self, facts: &VolumeFacts) -> Result<usize, SceneError> {
@@ -243,7 +317,7 @@ impl SceneFile {
 }
 
 /// The range without its outliers; the whole range, or one value wide, where that is empty.
-fn default_window(of: &ChannelFacts) -> Window {
+pub(crate) fn default_window(of: &ChannelFacts) -> Window {
     let (low, high) = (of.percentile_2, of.percentile_99_8);
     if low < high {
         Window { low, high }
@@ -283,8 +357,9 @@ mod tests {
             maximum: 3000.0,
             percentile_2: -1000.0,
             percentile_99_8: 1200.0,
+            labels: None,
         };
-        VolumeFacts { channels: vec![channel("ct"), channel("pet")] }
+        VolumeFacts { channels: vec![channel("ct"), channel("pet")], modality: None }
     }
 
     #[test]

@@ -9,15 +9,19 @@
 mod camera;
 mod error;
 mod file;
+mod labels;
 mod light;
 mod placement;
+mod preset;
 mod transfer;
 
 pub use camera::Camera;
 pub use error::SceneError;
 pub use file::{ChannelFacts, SceneFile, VolumeFacts, schema_json};
+pub use labels::{LabelEntry, LabelFacts, LabelLooks, LabelRef, LabelsFile, made_up_color};
 pub use light::Headlight;
 pub use placement::Placement;
+pub use preset::{Preset, PresetUnits};
 pub use transfer::{HIGHEST_OPACITY_PER_MM, Optical, TransferFunction, TransferPoint};
 
 /// How the samples along a ray become one pixel.
@@ -98,6 +102,9 @@ pub struct Scene {
     pub mode: Mode,
     /// Colour and opacity by value. In mode `maximum` its opacity is taken as it stands, not per millimetre.
     pub transfer: TransferFunction,
+    /// What each label does to light, where the channel holds labels: then the transfer function is not looked at, and
+    /// the mode is emission-absorption.
+    pub labels: Option<LabelLooks>,
     /// Value of the surface in the modes `threshold` and `cumulated`.
     pub threshold: f64,
     /// Colour of that surface, RGB 0 to 1.

@@ -10,10 +10,12 @@
 
 mod channel;
 mod grid;
+mod label;
 mod statistics;
 
 pub use channel::{Channel, ChannelKind, NonFiniteCount, VoxelType, Voxels};
 pub use grid::{Grid, GridError};
+pub use label::{Label, LabelCount, LabelTable};
 pub use statistics::{Histogram, Statistics};
 
 /// A grid and the channels of samples on it.

@@ -6,3 +6,4 @@ mod common;
 mod convergence;
 mod doubt;
 mod hard_cases;
+mod labels;

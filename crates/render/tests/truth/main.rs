@@ -8,6 +8,7 @@
 mod closed_forms;
 mod convergence;
 mod hard_cases;
+mod labels;
 mod levels;
 mod light_span;
 mod scenes;

@@ -1,0 +1,92 @@
+//! Labels along a ray: a voxel has one all through.
+
+use crate::emission::{cosine, lit};
+use crate::{Field, Pixel, Ray};
+use scene::{Headlight, LabelLooks};
+use spatial::DVec3;
+
+/// Emission and absorption of labels: the way is cut at the faces between voxels, and what it gathers in each has a
+/// closed form. A run of one label is lit as where the ray enters it.
+pub(crate) fn pixel(
+    field: &Field<'_>,
+    looks: &LabelLooks,
+    light: Option<&Headlight>,
+    depth_at: f64,
+    ray: &Ray,
+) -> Pixel {
+    let Some(way) = ray.inside(field.dims()) else { return Pixel::NOTHING };
+    let mut ends = Vec::new();
+    for axis in 0..3 {
+        let (origin, direction) = (ray.origin[axis], ray.direction[axis]);
+        if direction != 0.0 {
+            let faces = (1..field.dims()[axis]).map(|voxel| (f64::from(voxel) - 0.5 - origin) / direction);
+            ends.extend(faces.filter(|&mm| way.from_mm < mm && mm < way.to_mm));
+        }
+    }
+    ends.push(way.to_mm);
+    ends.sort_by(f64::total_cmp);
+    let sought_depth = -depth_at.ln();
+    let (mut color, mut optical_depth, mut depth_mm) = ([0.0; 3], 0.0f64, None);
+    let mut run: Option<(i64, [f64; 3])> = None;
+    let mut from_mm = way.from_mm;
+    for to_mm in ends {
+        let length_mm = to_mm - from_mm;
+        if length_mm <= 0.0 {
+            continue;
+        }
+        let middle = ray.at(from_mm + length_mm / 2.0);
+        // On a face itself the voxel of the higher index holds.
+        let label = field.label((middle + 0.5).floor().to_array().map(|x| x as i32));
+        let look = looks.at(label);
+        let extinction_per_mm = look.extinction_per_mm();
+        if extinction_per_mm > 0.0 {
+            let lit_color = match run {
+                Some((same, color)) if same == label => color,
+                _ => light.map_or(look.color, |light| {
+                    lit(light, look.color, cosine_at(field, ray, from_mm, label))
+                }),
+            };
+            run = Some((label, lit_color));
+            let passed = extinction_per_mm * length_mm;
+            let missing = sought_depth - optical_depth;
+            if missing > 0.0 && missing <= passed {
+                depth_mm = Some(from_mm + missing / extinction_per_mm);
+            }
+            let weight = (-optical_depth).exp() * -(-passed).exp_m1();
+            for (sum, c) in color.iter_mut().zip(lit_color) {
+                *sum += weight * c;
+            }
+            optical_depth += passed;
+        } else {
+            run = None;
+        }
+        from_mm = to_mm;
+    }
+    let [r, g, b] = color;
+    Pixel { rgba: [r, g, b, -(-optical_depth).exp_m1()], depth_mm }
+}
+
+/// The cosine between the ray and the gradient of a label's share at a distance.
+fn cosine_at(field: &Field<'_>, ray: &Ray, distance_mm: f64, label: i64) -> f64 {
+    let at = ray.at(distance_mm);
+    let along = |axis: DVec3| (share(field, at + axis, label) - share(field, at - axis, label)) / 2.0;
+    let per_voxel = DVec3::new(along(DVec3::X), along(DVec3::Y), along(DVec3::Z));
+    cosine(per_voxel.dot(ray.direction), field.per_mm(per_voxel).length())
+}
+
+/// How much of a label is at a point: the clamped trilinear interpolation of 1 where it is and 0 elsewhere.
+fn share(field: &Field<'_>, at_in_index: DVec3, label: i64) -> f64 {
+    let last = DVec3::from_array(field.dims().map(|d| f64::from(d - 1)));
+    let held = at_in_index.clamp(DVec3::ZERO, last);
+    let low = held.floor();
+    let f = held - low;
+    let cell = low.to_array().map(|x| x as i32);
+    (0..8)
+        .map(|i| {
+            let far = [i & 1, i >> 1 & 1, i >> 2];
+            let is_label = field.label(std::array::from_fn(|axis| cell[axis] + far[axis])) == label;
+            let weight = |axis: usize| if far[axis] == 1 { f[axis] } else { 1.0 - f[axis] };
+            if is_label { weight(0) * weight(1) * weight(2) } else { 0.0 }
+        })
+        .sum()
+}
