@@ -15,6 +15,7 @@ mod atlas;
 pub mod describe;
 mod dicom;
 mod error;
+mod labels;
 mod load;
 mod metaimage;
 mod nifti;

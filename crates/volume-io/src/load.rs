@@ -8,7 +8,7 @@ use std::fmt;
 use std::io::{Read, SeekFrom};
 use std::path::Path;
 use std::sync::Arc;
-use volume::{ChannelKind, NonFiniteCount, Volume};
+use volume::{ChannelKind, LabelTable, NonFiniteCount, Volume};
 
 /// Bytes that decide what a file is: a NIfTI-2 header is the longest thing to look at.
 const LOOKED_AT: usize = 540;
@@ -150,6 +150,8 @@ pub struct LoadReport {
     pub notes: Vec<String>,
     /// `CT`, `MR`, `PT`, … where the file says so.
     pub modality: Option<String>,
+    /// Names and colours of labels, where the file has them.
+    pub labels: LabelTable,
     /// Lowest and highest value of the window that the file suggests.
     pub window: Option<[f64; 2]>,
     /// The series in time that the volume is one step of, if it is.
@@ -330,6 +332,7 @@ pub(crate) fn finish(
             non_finite,
             notes,
             modality: None,
+            labels: LabelTable::default(),
             window: None,
             sequence: None,
             series: Vec::new(),

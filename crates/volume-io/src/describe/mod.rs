@@ -14,6 +14,9 @@ const SHEARED_DEG: f64 = 0.05;
 /// Axes that lean farther than this from the patient's, in degrees, are called oblique; less is float32 rounding.
 const OBLIQUE_DEG: f64 = 0.05;
 
+/// Labels that are listed for a terminal.
+const LABELS_LISTED: usize = 200;
+
 /// What a volume is. Its `Display` is a page for a terminal of 80 columns.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct VolumeDescription {
@@ -102,6 +105,27 @@ pub struct ChannelDescription {
     pub histogram: HistogramDescription,
     /// Samples that were no numbers in the file.
     pub non_finite: NonFiniteDescription,
+    /// The labels that voxels have, where it holds labels.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub labels: Vec<LabelDescription>,
+    /// Whether measured values look like labels: whole numbers, of which neighbours have the same.
+    pub looks_like_labels: bool,
+}
+
+/// A label that voxels have.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LabelDescription {
+    /// Its number.
+    pub number: i64,
+    /// Its name; empty where the file gives none.
+    pub name: String,
+    /// RGB, 0 to 1, where the file gives one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub color: Option<[f64; 3]>,
+    /// Voxels that have it.
+    pub voxels: u64,
+    /// Their volume, millilitres.
+    pub ml: f64,
 }
 
 /// Values below which 1, 50 and 99 % of the samples lie, to within a bin of the histogram.
@@ -168,7 +192,7 @@ impl VolumeDescription {
                 .channels()
                 .iter()
                 .zip(&loaded.report.non_finite)
-                .map(|(channel, count)| ChannelDescription::of(channel, *count, loaded.report.window))
+                .map(|(channel, count)| ChannelDescription::of(channel, *count, loaded))
                 .collect(),
             modality: loaded.report.modality.clone(),
             sequence: loaded.report.sequence.map(|Sequence { steps, loaded, step_secs }| {
@@ -182,7 +206,21 @@ impl VolumeDescription {
 }
 
 impl ChannelDescription {
-    fn of(channel: &Channel, non_finite: NonFiniteCount, of_file: Option<[f64; 2]>) -> Self {
+    fn of(channel: &Channel, non_finite: NonFiniteCount, loaded: &Loaded) -> Self {
+        let of_file = loaded.report.window;
+        let is_label = channel.kind == ChannelKind::Label;
+        let grid = loaded.volume.grid();
+        let voxel_ml = grid.volume_from_index().matrix3.determinant().abs() / 1000.0;
+        let label = |count: &volume::LabelCount| {
+            let known = loaded.report.labels.get(count.number);
+            LabelDescription {
+                number: count.number,
+                name: known.map(|l| l.name.clone()).unwrap_or_default(),
+                color: known.and_then(|l| l.color),
+                voxels: count.voxels,
+                ml: count.voxels as f64 * voxel_ml,
+            }
+        };
         let statistics = Statistics::of(channel);
         let (p1, p99) = (statistics.percentile(0.01), statistics.percentile(0.99));
         let (window, window_from) = match of_file {
@@ -217,6 +255,8 @@ impl ChannelDescription {
                 high: statistics.histogram.high,
                 counts: statistics.histogram.counts,
             },
+            labels: if is_label { channel.label_counts().iter().map(label).collect() } else { Vec::new() },
+            looks_like_labels: !is_label && channel.looks_like_labels(grid.dims()),
         }
     }
 }
@@ -357,6 +397,20 @@ impl fmt::Display for ChannelDescription {
                 "  replaced     {nan} NaN, {positive_infinity} +Inf, {negative_infinity} -Inf in the file"
             )?;
         }
-        draw::histogram(f, &self.histogram.counts, self.histogram.low, self.histogram.high)
+        draw::histogram(f, &self.histogram.counts, self.histogram.low, self.histogram.high)?;
+        if self.looks_like_labels {
+            writeln!(f, "  its values look like labels: --kind label shows them as such")?;
+        }
+        if !self.labels.is_empty() {
+            writeln!(f, "  labels       number   voxels         ml  name")?;
+        }
+        for label in self.labels.iter().take(LABELS_LISTED) {
+            let LabelDescription { number, name, voxels, ml, .. } = label;
+            writeln!(f, "  {number:>18} {voxels:>8} {ml:>10.2}  {name}")?;
+        }
+        if self.labels.len() > LABELS_LISTED {
+            writeln!(f, "  and {} more; --json lists all", self.labels.len() - LABELS_LISTED)?;
+        }
+        Ok(())
     }
 }

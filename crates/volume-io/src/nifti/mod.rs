@@ -6,12 +6,14 @@
 mod geometry;
 mod header;
 
+use crate::labels;
 use crate::load::{broken, read_promised};
 use crate::recorded::Recorded;
 use crate::stream::{self, Encoding, Stream};
 use crate::{Format, LoadError, LoadOptions, Loaded};
 use header::{Header, Version};
 use std::io::Read;
+use volume::LabelTable;
 
 pub(crate) use header::is_header;
 
@@ -56,14 +58,22 @@ pub(crate) fn load(
             found: stream.holds_at_most,
         });
     }
-    recorded.labels |= pass_extensions(file, &mut stream, offset - header.length())?;
+    let label_table = pass_extensions(file, &mut stream, offset - header.length(), &mut notes)?;
+    recorded.labels |= label_table.is_some();
     stream::pass_over(file, &mut stream, recorded.before(), "the volumes before")?;
-    recorded.load(file, stream, true, options, notes)
+    let mut loaded = recorded.load(file, stream, true, options, notes)?;
+    loaded.report.labels = label_table.unwrap_or_default();
+    Ok(loaded)
 }
 
-/// Passes over what lies between header and voxels. Says whether a label table is there: few label maps say in their
+/// Passes over what lies between header and voxels. Gives back a label table, if there is one: few label maps say in their
 /// header that they are one, but some carry a table of names in a Caret extension.
-fn pass_extensions(file: &str, stream: &mut Stream<impl Read>, length: u64) -> Result<bool, LoadError> {
+fn pass_extensions(
+    file: &str,
+    stream: &mut Stream<impl Read>,
+    length: u64,
+    notes: &mut Vec<String>,
+) -> Result<Option<LabelTable>, LoadError> {
     let looked_at = length.min(EXTENSIONS_LOOKED_AT as u64);
     let mut extensions = vec![0; looked_at as usize];
     read_promised(file, &mut stream.input, &mut extensions, "header extensions", stream.packed)?;
@@ -77,5 +87,5 @@ fn pass_extensions(file: &str, stream: &mut Stream<impl Read>, length: u64) -> R
             found: looked_at + passed,
         });
     }
-    Ok(extensions.windows(11).any(|w| w == b"<LabelTable"))
+    Ok(labels::caret_table(&extensions, notes))
 }

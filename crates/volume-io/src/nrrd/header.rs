@@ -2,6 +2,7 @@
 
 use super::MOST_AXES;
 use crate::LoadError;
+use crate::labels::Segments;
 use crate::samples::{ByteOrder, StoredType};
 use crate::source::Part;
 use crate::stream::Encoding;
@@ -59,14 +60,14 @@ pub(crate) fn is_header(start: &[u8]) -> bool {
     start.starts_with(MAGIC)
 }
 
-/// The fields as text. Keys and values, which may name the patient, are not kept.
+/// The fields as text. Keys and values, which may name the patient, are not kept, but for what they say of segments.
 pub(super) struct Header {
     file: String,
     fields: BTreeMap<String, String>,
     /// The lines that follow `data file: LIST`.
     pub(super) after_data_file: Vec<String>,
-    /// Whether keys describe segments, as 3D Slicer writes them.
-    pub(super) is_segmentation: bool,
+    /// The segments that keys describe.
+    pub(super) segments: Segments,
 }
 
 impl Header {
@@ -78,8 +79,12 @@ impl Header {
         if !matches!(first.as_str(), "NRRD0001" | "NRRD0002" | "NRRD0003" | "NRRD0004" | "NRRD0005") {
             return Err(LoadError::field(&file, "the first line", "NRRD0001 to NRRD0005", &short(&first)));
         }
-        let mut header =
-            Self { file, fields: BTreeMap::new(), after_data_file: Vec::new(), is_segmentation: false };
+        let mut header = Self {
+            file,
+            fields: BTreeMap::new(),
+            after_data_file: Vec::new(),
+            segments: Segments::default(),
+        };
         let mut ended = false;
         while let Some(line) = lines.next(part)? {
             if line.is_empty() {
@@ -111,8 +116,8 @@ impl Header {
         let Some((name, value)) = line.split_once(':') else {
             return Err(LoadError::field(file, "header", "lines of `field: value`", &short(line)));
         };
-        if value.starts_with('=') {
-            self.is_segmentation |= name.starts_with("Segment0_");
+        if let Some(value) = value.strip_prefix('=') {
+            self.segments.take(name, value);
             return Ok(());
         }
         let name = name.trim().to_ascii_lowercase();

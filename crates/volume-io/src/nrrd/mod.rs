@@ -42,6 +42,7 @@ pub(crate) fn load(
     let steps = axes.steps(&file)?;
     let stored = stored_type(&file, header.required("type")?)?;
     let encoding = encoding(&file, header.required("encoding")?)?;
+    let labels = header.segments.clone().table(&mut notes);
     let recorded = Recorded {
         format: Format::Nrrd,
         grid: geometry::grid(&file, &header, &axes, dims, &mut notes)?,
@@ -52,11 +53,13 @@ pub(crate) fn load(
         step: options.time,
         step_secs: axes.step_secs(&header),
         scaling: (1.0, 0.0),
-        labels: header.is_segmentation,
+        labels: header.segments.any(),
     };
     recorded.check(&file, "sizes", options)?;
     let stream = open(source, part, &header, &axes, &recorded)?;
-    recorded.load(&file, stream, encoding == Encoding::Deflate, options, notes)
+    let mut loaded = recorded.load(&file, stream, encoding == Encoding::Deflate, options, notes)?;
+    loaded.report.labels = labels;
+    Ok(loaded)
 }
 
 fn open<'s, 'a>(

@@ -340,6 +340,11 @@ fn label_maps_are_known_by_intent_by_their_table_or_by_the_caller() {
     let mut table = patched(PLAIN, &[(108, &f32s(&[384.0]))]);
     table.splice(352..352, *b"<LabelTable>                    ");
     assert_eq!(kind(&table), ChannelKind::Label);
+    let text = b"<LabelTable><Label Key=\"5\" Red=\"1\" Green=\"0\" Blue=\"0\">liver</Label></LabelTable>";
+    let mut named = patched(PLAIN, &[(108, &f32s(&[352.0 + 80.0]))]);
+    assert_eq!(text.len(), 80);
+    named.splice(352..352, *text);
+    assert_eq!(load_ok(&named).report.labels.get(5).unwrap().name, "liver");
     let options = LoadOptions { kind: Some(ChannelKind::Label), ..LoadOptions::default() };
     let told = load_bytes("test", &fixture(PLAIN), &options).unwrap();
     assert_eq!(told.volume.channels()[0].kind, ChannelKind::Label);

@@ -60,10 +60,12 @@ fn units_of_length_become_millimetres() {
 
 #[test]
 fn a_segmentation_of_3d_slicer_holds_labels() {
-    let keys = "Segment0_ID:=Segment_1\nSegment0_Name:=liver: left lobe\n";
+    let keys = "Segment0_ID:=Segment_1\nSegment0_Name:=liver: left lobe\nSegment0_Color:=0.5 0 1\nSegment0_LabelValue:=2\n";
     let text = String::from_utf8(raw()).unwrap().replace("encoding", &format!("{keys}encoding"));
     let loaded = load_ok(text.as_bytes());
     assert_eq!(loaded.volume.channels()[0].kind, ChannelKind::Label);
+    let label = loaded.report.labels.get(2).unwrap();
+    assert_eq!((label.name.as_str(), label.color), ("liver: left lobe", Some([0.5, 0.0, 1.0])));
     assert_eq!(load_ok(&raw()).volume.channels()[0].kind, ChannelKind::Intensity);
 }
 
