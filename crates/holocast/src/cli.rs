@@ -38,6 +38,14 @@ pub(crate) enum Command {
     Info(Info),
     /// Write a volume as NIfTI, NRRD or slice atlas, whole or a part of it
     Convert(Convert),
+    /// List the presets: looks by name, with the modality and the units that they are for
+    Presets {
+        /// As JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Draw every volume below some folders in a look that fits it, on one sheet
+    ContactSheet(ContactSheet),
     /// Name the graphics adapters of this machine
     Adapters {
         /// As JSON
@@ -58,6 +66,36 @@ pub(crate) struct Chosen {
     /// Load a folder although it has images of several patients
     #[arg(long)]
     pub(crate) force: bool,
+    /// What the numbers of a one-channel file are, where the file does not say: intensity (measured) or label
+    #[arg(long, value_name = "KIND", hide_possible_values = true)]
+    pub(crate) kind: Option<Kind>,
+}
+
+/// What the numbers of a channel are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum Kind {
+    /// Measured values
+    Intensity,
+    /// Labels: numbers that name structures
+    Label,
+}
+
+/// How the volume looks; what is named here goes before the scene.
+#[derive(Clone, Debug, Default, Args)]
+pub(crate) struct Look {
+    /// A look by name; `holocast presets` lists them
+    #[arg(long, value_name = "NAME")]
+    pub(crate) preset: Option<String>,
+    /// A transfer function of another program: a volume property (.vp) or presets.xml#NAME of 3D Slicer, or a colour map
+    /// of ParaView (JSON or XML)
+    #[arg(long, value_name = "FILE[#NAME]")]
+    pub(crate) transfer: Option<String>,
+    /// Names and colours of labels: a colour table of 3D Slicer or ITK-SNAP, or JSON
+    #[arg(long, value_name = "FILE")]
+    pub(crate) labels: Option<PathBuf>,
+    /// What took the images, where the file does not say it or says it wrong: CT, MR, PT, ...
+    #[arg(long, value_name = "CODE")]
+    pub(crate) modality: Option<String>,
 }
 
 /// What to measure.
@@ -134,6 +172,8 @@ pub(crate) struct Serve {
     /// The scene to begin with (JSON, see docs/scene-format.md); without one, the volume in default colours
     #[arg(long, value_name = "FILE")]
     pub(crate) scene: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) look: Look,
     /// Where to listen (UDP)
     #[arg(long, default_value = "0.0.0.0:4433", value_name = "ADDRESS:PORT")]
     pub(crate) listen: SocketAddr,
@@ -290,6 +330,8 @@ pub(crate) struct Render {
     pub(crate) volume: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) chosen: Chosen,
+    #[command(flatten)]
+    pub(crate) look: Look,
     /// What the picture may cost: draft, balanced, fine, exact
     #[arg(long, default_value = "fine", value_name = "LEVEL")]
     pub(crate) quality: String,
@@ -328,6 +370,36 @@ pub(crate) struct Render {
     #[arg(long, value_name = "NAME")]
     pub(crate) adapter: Option<String>,
     /// Figures as JSON on standard output
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Draw every volume on one sheet.
+///
+/// Loads each volume below the folders, draws it with the preset that fits it and from where it fills its tile, and writes
+/// one PNG with captions. What cannot be loaded or drawn is named on the sheet and makes the command fail. Whatever files
+/// say of a patient's identity is not shown; names of files are.
+#[derive(Debug, Args)]
+pub(crate) struct ContactSheet {
+    /// Volumes, or folders in which they are looked for
+    #[arg(required = true, value_name = "PATH")]
+    pub(crate) paths: Vec<PathBuf>,
+    /// The sheet to write (PNG)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) out: PathBuf,
+    /// Width and height of a picture
+    #[arg(long, default_value = "240x180", value_name = "WxH")]
+    pub(crate) size: Size,
+    /// Pictures in a row
+    #[arg(long, default_value_t = 6, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=64))]
+    pub(crate) columns: u32,
+    /// What a picture may cost: draft, balanced, fine, exact
+    #[arg(long, default_value = "balanced", value_name = "LEVEL")]
+    pub(crate) quality: String,
+    /// Use the adapter whose name contains this
+    #[arg(long, value_name = "NAME")]
+    pub(crate) adapter: Option<String>,
+    /// What is on it, as JSON on standard output
     #[arg(long)]
     pub(crate) json: bool,
 }

@@ -28,7 +28,7 @@ pub use error::{CheckError, CsvError, JsonError};
 pub use facts::{Machine, Process, Server, Volume};
 pub use frame::{FrameRecord, StageNames};
 pub use headset::{BitRate, Clock, Counters, HeadsetReport, HeadsetRun, QualityGivenUp, StageTimes};
-pub use plot::{Axis, Picture, Plot, Point, Scale, latency, latency_of, pareto_front};
+pub use plot::{Axis, Picture, Plot, Point, Scale, Sheet, Tile, latency, latency_of, pareto_front};
 pub use registration::{Registration, RegistrationClass};
 pub use run::{Everyone, FORMAT, Run, RunReport};
 pub use verification::{PictureError, Verification, VerificationReport, VerifiedFrame};

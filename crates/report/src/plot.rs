@@ -11,6 +11,7 @@ mod legend;
 mod palette;
 mod pareto;
 mod raster;
+mod sheet;
 mod svg;
 
 pub use axis::Scale;
@@ -18,3 +19,4 @@ pub use canvas::Picture;
 pub use chart::{Axis, Plot, Point};
 pub use latency::{latency, latency_of};
 pub use pareto::pareto_front;
+pub use sheet::{Sheet, Tile};

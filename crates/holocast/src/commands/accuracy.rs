@@ -1,6 +1,6 @@
 //! `holocast bench accuracy`.
 
-use crate::cli::{BenchAccuracy, Chosen};
+use crate::cli::{BenchAccuracy, Chosen, Look};
 use crate::commands::shown::Shown;
 use crate::commands::viewpoint::Viewpoint;
 use crate::machine;
@@ -44,7 +44,7 @@ fn measured(
     name: &str,
     path: &Path,
 ) -> anyhow::Result<Vec<Row>> {
-    let shown = Shown::load(Some(path), None, &Chosen::default())?;
+    let shown = Shown::load(Some(path), None, &Chosen::default(), &Look::default())?;
     let volume = &shown.loaded.volume;
     let Viewpoint { placed, eyes, eye_size_px } =
         Viewpoint::of(&shown, volume.grid(), Some(arguments.size.0), None)?;

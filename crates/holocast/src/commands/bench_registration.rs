@@ -1,6 +1,6 @@
 //! `holocast bench registration`.
 
-use crate::cli::Registration;
+use crate::cli::{Look, Registration};
 use crate::commands::shown::Shown;
 use crate::terminal::{progress, progress_done, say};
 use anyhow::{Context as _, bail};
@@ -98,7 +98,9 @@ pub(crate) fn run(arguments: &Registration) -> anyhow::Result<()> {
     let settings = settings(arguments)?;
     let shown = match (&arguments.scene, &arguments.volume) {
         (None, None) => None,
-        (scene, volume) => Some(Shown::load(scene.as_deref(), volume.as_deref(), &arguments.chosen)?),
+        (scene, volume) => {
+            Some(Shown::load(scene.as_deref(), volume.as_deref(), &arguments.chosen, &Look::default())?)
+        }
     };
     let mut csv = String::from(CSV_HEADER);
     let (mut traces, mut everything, mut every_picture, mut seconds) =

@@ -4,10 +4,12 @@ mod accuracy;
 mod adapters;
 mod bench_registration;
 mod compare;
+mod contact_sheet;
 mod convert;
 mod headset;
 mod info;
 mod load;
+mod presets;
 mod render;
 mod reporting;
 mod serve;
@@ -30,6 +32,8 @@ pub(crate) fn run(command: Command) -> anyhow::Result<()> {
         Command::Info(arguments) => info::run(&arguments),
         Command::Convert(arguments) => convert::run(&arguments),
         Command::Bench(Bench::Registration(arguments)) => bench_registration::run(&arguments),
+        Command::Presets { json } => presets::run(json),
+        Command::ContactSheet(arguments) => contact_sheet::run(&arguments),
         Command::Adapters { json } => adapters::run(json),
     }
 }

@@ -24,7 +24,12 @@ pub(crate) fn run(arguments: &Render) -> anyhow::Result<()> {
 fn approximate(arguments: &Render, outputs: &Outputs<'_>) -> anyhow::Result<()> {
     let mut quality = tuned(quality_named(&arguments.quality)?, &arguments.tune)?;
     quality.skip_empty = !arguments.no_skip;
-    let shown = Shown::load(arguments.scene.as_deref(), arguments.volume.as_deref(), &arguments.chosen)?;
+    let shown = Shown::load(
+        arguments.scene.as_deref(),
+        arguments.volume.as_deref(),
+        &arguments.chosen,
+        &arguments.look,
+    )?;
     let gpu = Arc::new(Gpu::open(arguments.adapter.as_deref())?);
     let volume = Arc::new(VolumeOnDevice::upload(&gpu, &shown.loaded.volume, |_| {})?);
     let on_device = SceneOnDevice::new(&gpu, &volume, &shown.scene)?;
@@ -51,7 +56,12 @@ fn approximate(arguments: &Render, outputs: &Outputs<'_>) -> anyhow::Result<()> 
 
 /// The exact picture, without a GPU.
 fn exact(arguments: &Render, outputs: &Outputs<'_>) -> anyhow::Result<()> {
-    let shown = Shown::load(arguments.scene.as_deref(), arguments.volume.as_deref(), &arguments.chosen)?;
+    let shown = Shown::load(
+        arguments.scene.as_deref(),
+        arguments.volume.as_deref(),
+        &arguments.chosen,
+        &arguments.look,
+    )?;
     let volume = &shown.loaded.volume;
     let view = viewpoint(arguments, &shown)?;
     let [width, height] = view.eye_size_px;

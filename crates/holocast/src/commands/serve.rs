@@ -14,7 +14,12 @@ use volume_io::describe::VolumeDescription;
 
 pub(crate) fn run(arguments: &Serve) -> anyhow::Result<()> {
     let quality = quality_named(&arguments.quality)?;
-    let shown = Shown::load(arguments.scene.as_deref(), arguments.volume.as_deref(), &arguments.chosen)?;
+    let shown = Shown::load(
+        arguments.scene.as_deref(),
+        arguments.volume.as_deref(),
+        &arguments.chosen,
+        &arguments.look,
+    )?;
     let identity_folder = match &arguments.identity {
         Some(folder) => folder.clone(),
         None => default_identity_folder()?,

@@ -1,6 +1,6 @@
 //! `holocast headset --verify`: decoded pictures against the exact ones.
 
-use crate::cli::HeadsetArguments;
+use crate::cli::{HeadsetArguments, Look};
 use crate::commands::shown::Shown;
 use crate::terminal::{progress, progress_done};
 use headset::{HeadsetRun, SampledFrame};
@@ -12,7 +12,12 @@ pub(crate) struct Known(Shown);
 
 impl Known {
     pub(crate) fn load(arguments: &HeadsetArguments) -> anyhow::Result<Self> {
-        Ok(Self(Shown::load(arguments.scene.as_deref(), arguments.volume.as_deref(), &arguments.chosen)?))
+        Ok(Self(Shown::load(
+            arguments.scene.as_deref(),
+            arguments.volume.as_deref(),
+            &arguments.chosen,
+            &Look::default(),
+        )?))
     }
 
     pub(crate) fn exact(&self) -> anyhow::Result<Exact<'_>> {

@@ -4,6 +4,7 @@
 mod bench;
 mod errors;
 mod files;
+mod looks;
 mod network;
 mod pictures;
 mod program;

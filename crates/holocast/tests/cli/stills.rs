@@ -7,7 +7,19 @@ use std::path::Path;
 
 #[test]
 fn every_command_helps() {
-    let commands = ["serve", "headset", "load", "render", "compare", "bench", "info", "convert", "adapters"];
+    let commands = [
+        "serve",
+        "headset",
+        "load",
+        "render",
+        "compare",
+        "bench",
+        "info",
+        "convert",
+        "presets",
+        "contact-sheet",
+        "adapters",
+    ];
     let help = run(["--help"]).well();
     for command in commands {
         assert!(help.contains(command), "{command} is not in:\n{help}");
