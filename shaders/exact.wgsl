@@ -154,6 +154,9 @@ fn corner(i: u32) -> vec3<i32> {
 
 // What is stored at the corners of a cell, x fastest.
 fn corners_of(cell: vec3<i32>) -> array<f32, 8> {
+    if (COUNT) {
+        counted.samples += 1u;
+    }
     var c: array<f32, 8>;
     for (var i = 0u; i < 8u; i += 1u) {
         c[i] = stored(cell + corner(i));
@@ -284,6 +287,9 @@ struct Gradient {
 }
 
 fn gradient_across(cell: vec3<i32>, c: array<f32, 8>, a: vec3<f32>, b: vec3<f32>) -> Gradient {
+    if (COUNT) {
+        counted.gradients += 1u;
+    }
     var at_corner = c;
     var x: array<f32, 8>;
     var y: array<f32, 8>;
@@ -356,6 +362,7 @@ fn emission_absorption_exact(ray: Ray) -> Pixel {
         if (LIT) {
             gradient = gradient_across(passage.cell, corners, passage.begin, passage.end);
         }
+        let depth_before = optical_depth;
         // From the begin to the end of the cell, cut where the value turns and where it passes a knot.
         var u = 0.0;
         var begin = 0.0;
@@ -452,6 +459,9 @@ fn emission_absorption_exact(ray: Ray) -> Pixel {
             }
             is_whole = is_whole && (begin >= end || optical_depth >= deepest);
         }
+        if (COUNT) {
+            counted.contributed += u32(optical_depth > depth_before);
+        }
         is_whole = is_whole && (u >= 1.0 || optical_depth >= deepest);
     }
     is_whole = is_whole && !(is_walking(walk, ray) && optical_depth < deepest);
@@ -507,6 +517,9 @@ fn first_crossing_exact(ray: Ray) -> Pixel {
     if (!out.has_depth) {
         return out;
     }
+    if (COUNT) {
+        counted.contributed += 1u;
+    }
     var u = high;
     if (high > low) {
         u = root_of(value, low, high, frame.threshold);
@@ -530,6 +543,9 @@ fn x_ray_exact(ray: Ray) -> Pixel {
     while (is_walking(walk, ray)) {
         let passage = passed(&walk, ray);
         let c = value_across(corners_of(passage.cell), passage.begin, passage.end);
+        if (COUNT) {
+            counted.contributed += 1u;
+        }
         part += (c.x + c.y / 2.0 + c.z / 3.0 + c.w / 4.0) * passage.length_mm;
         way_part += passage.length_mm;
         if ((walk.cells_left & 63) == 0) {
@@ -562,6 +578,7 @@ fn maximum_exact(ray: Ray) -> Pixel {
         }
         let value = value_across(corners, passage.begin, passage.end);
         let turns = turns_of(value);
+        let best_before = best;
         for (var i = 0; i < 4; i += 1) {
             let u = select(select(select(0.0, turns.x, i == 1), turns.y, i == 2), 1.0, i == 3);
             let height = cubic_at(value, u);
@@ -569,6 +586,9 @@ fn maximum_exact(ray: Ray) -> Pixel {
                 best = height;
                 best_mm = passage.begin_mm + passage.length_mm * u;
             }
+        }
+        if (COUNT) {
+            counted.contributed += u32(best > best_before);
         }
     }
     let o = optical_in(stretches[stretch_of(best)], best);

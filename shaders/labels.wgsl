@@ -31,6 +31,9 @@ fn share_at(p: vec3<f32>, label: u32) -> f32 {
 
 // The cosine between the ray and the gradient of a label's share.
 fn label_facing(p: vec3<f32>, label: u32, direction_mm: vec3<f32>) -> f32 {
+    if (COUNT) {
+        counted.gradients += 1u;
+    }
     let x = vec3<f32>(1.0, 0.0, 0.0);
     let y = vec3<f32>(0.0, 1.0, 0.0);
     let z = vec3<f32>(0.0, 0.0, 1.0);
@@ -86,6 +89,9 @@ fn emission_absorption_of_labels(ray: Ray) -> Pixel {
             continue;
         }
         let label = label_at(here);
+        if (COUNT) {
+            counted.samples += 1u;
+        }
         if (!is_seen(stretches[label])) {
             run_label = NO_LABEL;
             continue;
@@ -104,6 +110,9 @@ fn emission_absorption_of_labels(ray: Ray) -> Pixel {
             half_mm = begin_mm + missing / extinction_per_mm;
         }
         color += exp(-optical_depth) * opacity_of(depth) * run_color;
+        if (COUNT) {
+            counted.contributed += u32(depth > 0.0);
+        }
         optical_depth += depth;
     }
     let is_whole = voxels_left > 0 || at_mm >= ray.leave_mm || optical_depth >= deepest;

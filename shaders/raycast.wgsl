@@ -171,6 +171,9 @@ fn place(l: Lattice, i: f32) -> vec3<f32> {
 }
 
 fn sample(l: Lattice, i: f32) -> f32 {
+    if (COUNT) {
+        counted.samples += 1u;
+    }
     if (EXACT_FILTER) {
         return raw_at(place(l, i));
     }
@@ -203,6 +206,9 @@ struct Gathered {
 
 // Adds matter of `weight` behind what is in front; colour is added by who knows its light.
 fn gather(sum: ptr<function, Gathered>, weight: f32, i: f32, length: f32) {
+    if (COUNT) {
+        counted.contributed += u32(weight > 0.0);
+    }
     let transmittance = 1.0 - (*sum).opacity;
     let before = (*sum).opacity < 0.5;
     (*sum).half_i = select((*sum).half_i, i, before);
@@ -402,6 +408,9 @@ fn first_crossing(ray: Ray) -> Pixel {
     if (below < 0.0 && above > 0.0) {
         high = low + (high - low) * (below / (below - above));
     }
+    if (COUNT) {
+        counted.contributed += 1u;
+    }
     out.depth_mm = high;
     out.opacity = frame.surface_opacity;
     out.color = lit(frame.surface_color, facing(at(ray, high), ray.direction_mm)) * out.opacity;
@@ -423,6 +432,9 @@ fn x_ray(ray: Ray) -> Pixel {
             sum += part;
             part = 0.0;
         }
+    }
+    if (COUNT) {
+        counted.contributed += u32(n);
     }
     let mean = (sum + part) / n * frame.value_scale + frame.value_offset;
     let grey = clamp((mean - frame.window_low) * frame.window_per_value, 0.0, 1.0);
@@ -465,6 +477,9 @@ fn maximum(ray: Ray) -> Pixel {
             }
             let value = sample(l, i) * frame.value_scale + frame.value_offset;
             if (value > best) {
+                if (COUNT) {
+                    counted.contributed += 1u;
+                }
                 best = value;
                 best_mm = ray.enter_mm + i * frame.step_mm;
             }
@@ -551,6 +566,11 @@ fn raycast(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
 }
 
 fn store(out: Pixel, ray: Ray, own: Own) {
+    if (COUNT) {
+        let counts = vec4<f32>(f32(counted.samples), f32(counted.contributed), f32(counted.gradients), 1.0);
+        textureStore(picture, own.pixel, own.eye, counts);
+        return;
+    }
     let depth = select(0.0, max(out.depth_mm + ray.eye_distance_mm, 1.0e-30), out.has_depth);
     textureStore(picture, own.pixel, own.eye, vec4<f32>(out.color, out.opacity));
     textureStore(depth_mm, own.pixel, own.eye, vec4<f32>(depth, 0.0, 0.0, 0.0));

@@ -3,6 +3,20 @@
 // Interpolate in float32 from eight fetched voxels instead of trusting the filtering unit.
 override EXACT_FILTER: bool = false;
 
+// Count what a ray looks at and store that instead of the picture: to measure with, never to show.
+override COUNT: bool = false;
+
+struct Counted {
+    // Values that were looked at along the ray; with `exact`, voxel cells.
+    samples: u32,
+    // Those of them that changed the pixel.
+    contributed: u32,
+    // Gradients: six values each, or a cell's worth.
+    gradients: u32,
+}
+
+var<private> counted: Counted;
+
 @group(1) @binding(0) var voxels: texture_3d<f32>;
 @group(1) @binding(1) var voxel_sampler: sampler;
 
@@ -35,11 +49,17 @@ fn raw_at(p: vec3<f32>) -> f32 {
 }
 
 fn value_at(p: vec3<f32>) -> f32 {
+    if (COUNT) {
+        counted.samples += 1u;
+    }
     return raw_at(p) * frame.value_scale + frame.value_offset;
 }
 
 // Cosine between the gradient and the ray, both in millimetres; 0 where there is no gradient.
 fn facing(p: vec3<f32>, direction_mm: vec3<f32>) -> f32 {
+    if (COUNT) {
+        counted.gradients += 1u;
+    }
     let g = vec3<f32>(
         raw_at(p + vec3<f32>(1.0, 0.0, 0.0)) - raw_at(p - vec3<f32>(1.0, 0.0, 0.0)),
         raw_at(p + vec3<f32>(0.0, 1.0, 0.0)) - raw_at(p - vec3<f32>(0.0, 1.0, 0.0)),

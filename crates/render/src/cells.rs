@@ -99,7 +99,6 @@ impl CellRanges {
     }
 
     /// Bytes held.
-    #[cfg(test)]
     pub(crate) fn bytes(&self) -> usize {
         match &self.stored {
             Stored::U8(r) => size_of_val(r.as_slice()),

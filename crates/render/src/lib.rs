@@ -10,6 +10,7 @@
 //! This crate knows no codec, no wire format, no network and reads no clock.
 
 mod cells;
+mod counts;
 mod error;
 mod frame;
 mod gpu;
@@ -25,6 +26,7 @@ mod table;
 mod targets;
 mod volume_on_device;
 
+pub use counts::Counts;
 pub use error::{OpenError, RenderError};
 pub use frame::{FinishedFrame, FrameInFlight, FrameRenderer, GpuTimes};
 pub use gpu::{AdapterFacts, Gpu};

@@ -26,6 +26,12 @@ pub(crate) struct Features {
     pub(crate) cells: bool,
     /// Whether voxels hold labels, which are gone through one by one whatever the quality.
     pub(crate) labels: bool,
+    /// Whether what is looked at is counted and stored instead of the picture.
+    pub(crate) count: bool,
+    /// Whether the rays' values are read and summed and nothing else is done.
+    pub(crate) bare: bool,
+    /// Whether the ray-caster is made of a text from which all that is not used is cut out.
+    pub(crate) cut: bool,
 }
 
 impl Features {
@@ -40,6 +46,24 @@ impl Features {
             cells: !numbers.labels
                 && (quality.sampling == Sampling::Cells || (quality.solves_surfaces && shows_surfaces)),
             labels: numbers.labels,
+            count: false,
+            bare: false,
+            cut: false,
+        }
+    }
+
+    /// Reads along whole rays, with the device's own filter.
+    pub(crate) fn bare() -> Self {
+        Self {
+            mode: Mode::XRay,
+            lit: false,
+            skip: false,
+            exact_filter: false,
+            cells: false,
+            labels: false,
+            count: false,
+            bare: true,
+            cut: false,
         }
     }
 
@@ -197,9 +221,11 @@ impl Pipelines {
             ("LIT", flag(features.lit)),
             ("SKIP", flag(features.skip)),
             ("EXACT_FILTER", flag(features.exact_filter)),
+            ("COUNT", flag(features.count)),
             ("ENTRIES", ENTRIES as f64),
         ];
         let entry = match features {
+            Features { bare: true, .. } => "bare",
             Features { labels: true, .. } => "labels",
             Features { cells: true, .. } => "exact",
             _ => "raycast",
@@ -207,9 +233,16 @@ impl Pipelines {
         let all_of_the_way = matches!(features.mode, Mode::XRay | Mode::Maximum | Mode::Cumulated);
         let tile_constants =
             [("SKIP", flag(features.skips_by_tile())), ("ALL_OF_THE_WAY", flag(all_of_the_way))];
+        let cut = features.cut.then(|| {
+            device.create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some("raycast, cut"),
+                source: wgpu::ShaderSource::Wgsl(shaders::cut(shaders::RAYCAST, &constants).into()),
+            })
+        });
+        let module = cut.as_ref().unwrap_or(&self.raycast_module);
         let made = Arc::new(RaycastPipelines {
             tiles: make(device, &self.tiles_module, &self.tiles_pipeline_layout, "find", &tile_constants),
-            cast: make(device, &self.raycast_module, &self.raycast_layout, entry, &constants),
+            cast: make(device, module, &self.raycast_layout, entry, &constants),
         });
         lock().entry(features).or_insert(made).clone()
     }

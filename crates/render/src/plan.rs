@@ -218,6 +218,25 @@ impl StereoPlan {
         self.features.lit || matches!(self.features.mode, Mode::Threshold | Mode::Cumulated)
     }
 
+    /// The same rays and steps, on which values are read and summed and nothing else is done: every sample of every ray,
+    /// with the device's own filter. What the device gives at best, to measure with; it shows nothing.
+    #[must_use]
+    pub fn bare(&self) -> Self {
+        Self { features: Features::bare(), ..self.clone() }
+    }
+
+    /// The same picture, by a ray-caster in whose text nothing is written of what the scene does not use: as if the
+    /// features had never been made. To measure what they cost a scene without them.
+    #[must_use]
+    pub fn cut(&self) -> Self {
+        Self { features: Features { cut: true, ..self.features }, ..self.clone() }
+    }
+
+    /// The same, with what is looked at stored instead of the picture.
+    pub(crate) fn counting(&self) -> Self {
+        Self { features: Features { count: true, ..self.features }, ..self.clone() }
+    }
+
     /// Eyes in the picture.
     #[must_use]
     pub fn eye_count(&self) -> u32 {
@@ -245,7 +264,7 @@ impl StereoPlan {
     /// Whether rays are gone along in steps, not from cell to cell.
     #[must_use]
     pub fn takes_steps(&self) -> bool {
-        !self.features.cells
+        !self.features.cells && !self.features.labels
     }
 
     /// The part of a step that is gone at a time where there is more than little to see.

@@ -41,6 +41,7 @@ pub struct SceneOnDevice {
     numbers: SceneNumbers,
     domain: TableDomain,
     distances: wgpu::TextureView,
+    acceleration_bytes: u64,
     /// The highest value of each cell, if the scene shows maxima.
     maxima: wgpu::TextureView,
     table_sampler: wgpu::Sampler,
@@ -95,6 +96,8 @@ impl SceneOnDevice {
             Mode::Maximum => true,
             _ => distances.iter().any(|&d| d > 0),
         };
+        let acceleration_bytes =
+            (channel.cells.bytes() + distances.len() + size_of_val(maxima.as_slice())) as u64;
         let distances_dims = if distances.len() == 1 { [1; 3] } else { channel.cells.dims };
         let texture = |what, dims: [usize; 3], format, content: &[u8]| {
             gpu.small_texture(what, dims.map(|d| d as u32), wgpu::TextureDimension::D3, format, content)
@@ -143,6 +146,7 @@ impl SceneOnDevice {
             numbers,
             domain,
             distances,
+            acceleration_bytes,
             maxima,
             table_sampler: gpu.linear_sampler(),
             extinction,
@@ -155,6 +159,13 @@ impl SceneOnDevice {
     #[must_use]
     pub fn scene(&self) -> &Scene {
         &self.scene
+    }
+
+    /// Bytes of what is there to skip with: what the cells hold, on the host, and how far it is to one that is seen, or
+    /// their maxima, on the device.
+    #[must_use]
+    pub fn acceleration_bytes(&self) -> u64 {
+        self.acceleration_bytes
     }
 
     /// The volume's grid.

@@ -1,11 +1,11 @@
 //! The picture itself, in float32.
 
-use crate::StereoPlan;
 use crate::error::RenderError;
 use crate::gpu::Gpu;
 use crate::layout::GpuFrame;
 use crate::scene_on_device::SceneOnDevice;
 use crate::targets::{Targets, frame_group, record_raycast};
+use crate::{Counts, StereoPlan};
 use std::sync::{Arc, mpsc};
 
 /// A picture of one or two eyes, at the size its rays were cast.
@@ -48,6 +48,14 @@ impl StillRenderer {
     #[must_use]
     pub fn new(gpu: &Arc<Gpu>) -> Self {
         Self { gpu: gpu.clone() }
+    }
+
+    /// Counts what a picture takes, by casting it with pipelines that count.
+    ///
+    /// # Errors
+    /// If the device has no room or was lost.
+    pub fn count(&self, scene: &SceneOnDevice, plan: &StereoPlan) -> Result<Counts, RenderError> {
+        Ok(Counts::of(&self.render(scene, &plan.counting())?))
     }
 
     /// Draws a picture and reads it back.

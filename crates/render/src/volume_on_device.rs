@@ -28,6 +28,7 @@ pub(crate) struct ChannelOnDevice {
     /// The labels whose places voxels hold, in order, where the channel holds labels.
     pub(crate) labels: Option<Vec<i64>>,
     pub(crate) cells: CellRanges,
+    pub(crate) voxel_bytes: u64,
     pub(crate) bind_group: wgpu::BindGroup,
     /// value = raw · value_scale + value_offset, raw as the texture gives it.
     pub(crate) value_scale: f64,
@@ -58,6 +59,12 @@ impl VolumeOnDevice {
             })
             .collect::<Result<_, _>>()?;
         Ok(Self { grid, channels })
+    }
+
+    /// Bytes of the voxels on the device, all channels.
+    #[must_use]
+    pub fn voxel_bytes(&self) -> u64 {
+        self.channels.iter().map(|channel| channel.voxel_bytes).sum()
     }
 
     /// The volume's grid.
@@ -164,7 +171,8 @@ impl ChannelOnDevice {
         let bind_group = Self::bind(gpu, &texture)?;
         let integers = if matches!(channel.voxels, Voxels::F32(_)) { 0.0 } else { unit };
         let stored = [integers, shift, channel.slope, channel.intercept];
-        Ok(Self { name, labels, cells, bind_group, value_scale, value_offset, stored })
+        let voxel_bytes = (voxel_bytes * grid.voxel_count()) as u64;
+        Ok(Self { name, labels, cells, voxel_bytes, bind_group, value_scale, value_offset, stored })
     }
 
     fn bind(gpu: &Gpu, texture: &wgpu::Texture) -> Result<wgpu::BindGroup, RenderError> {
