@@ -105,6 +105,10 @@ pub(crate) enum Bench {
     Registration(Registration),
     /// What each quality costs, and how far its picture is from the exact one
     Accuracy(BenchAccuracy),
+    /// What a stereo frame costs, and how much of it is spent on what is seen
+    Render(BenchRender),
+    /// How cost grows with pixels, voxels, matter and headsets
+    Scale(BenchScale),
 }
 
 /// Replays recorded heads in virtual time and tells the registration error at each age of the pose, with the server's
@@ -454,6 +458,85 @@ pub(crate) struct BenchAccuracy {
     #[arg(long, value_name = "NAME")]
     pub(crate) adapter: Option<String>,
     /// What holds for each level as JSON on standard output, instead of a table
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// What a stereo frame costs, and how much of it is spent on what is seen.
+///
+/// For each scene, size and setting: times of frames, and of their ray-cast and conversion by the device's own clock; samples
+/// taken and samples that contribute, counted by the shaders; the same rays read by a bare loop, drawn in turn with the
+/// ray-caster; both eyes against one and one; the ray-caster against one without what the scene does not use. At last, what
+/// frames in hand feel while another scene is made. Writes render.json, render.csv, render.png and render.svg. See
+/// docs/performance.md.
+#[derive(Debug, Args)]
+pub(crate) struct BenchRender {
+    /// Scenes, or folders of scenes
+    #[arg(long, num_args = 1.., default_value = "assets/scenes", value_name = "FILE")]
+    pub(crate) scene: Vec<PathBuf>,
+    /// Where results go
+    #[arg(long, default_value = "out/bench-render", value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// Width and height of an eye's picture; may be given several times
+    #[arg(long, default_value = "320x180", value_name = "WxH")]
+    pub(crate) size: Vec<Size>,
+    /// Only settings of this name, such as draft or 'balanced, no skipping'; may be given several times
+    #[arg(long, value_name = "NAME")]
+    pub(crate) setting: Vec<String>,
+    /// Frames of each kind, in turn; fewer, but three, where they take long
+    #[arg(long, default_value_t = 9, value_name = "N")]
+    pub(crate) rounds: usize,
+    /// Distance of the eyes in millimetres
+    #[arg(long, default_value_t = 64.0, value_name = "MM")]
+    pub(crate) eye_distance_mm: f64,
+    /// Use the adapter whose name contains this
+    #[arg(long, value_name = "NAME")]
+    pub(crate) adapter: Option<String>,
+    /// The results as JSON on standard output, instead of a table
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// How cost grows with pixels, voxels, matter and headsets.
+///
+/// Draws phantoms of which the occupied part is known, varies one thing at a time and fits a power law to each curve; tells
+/// what a volume of each size takes besides its frames: upload, memory to skip with, a change of transfer function; and how
+/// long a volume takes from its file to its first frame. Writes scale.json, scale.png and scale.svg. See docs/performance.md.
+#[derive(Debug, Args)]
+pub(crate) struct BenchScale {
+    /// Where results go
+    #[arg(long, default_value = "out/bench-scale", value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// The setting, such as draft or balanced
+    #[arg(long, default_value = "balanced", value_name = "NAME")]
+    pub(crate) setting: String,
+    /// Sizes of an eye's picture; the second is held while other things are varied
+    #[arg(
+        long,
+        value_delimiter = ',',
+        default_value = "160x90,320x180,640x360,1268x720",
+        value_name = "WxH,..."
+    )]
+    pub(crate) sizes: Vec<Size>,
+    /// Voxels along a side, of 16 bits; those that do not fit in the memory that is free are left out
+    #[arg(long, value_delimiter = ',', default_value = "64,128,256,512", value_name = "N,...")]
+    pub(crate) sides: Vec<u32>,
+    /// Occupied parts of the volume
+    #[arg(long, value_delimiter = ',', default_value = "0.01,0.03,0.1,0.3,1", value_name = "PART,...")]
+    pub(crate) occupied: Vec<f64>,
+    /// Headsets that watch one scene, 160x90 an eye
+    #[arg(long, value_delimiter = ',', default_value = "1,2,4,8,16,32", value_name = "N,...")]
+    pub(crate) sessions: Vec<usize>,
+    /// Frames of each; fewer, but three, where they take long
+    #[arg(long, default_value_t = 9, value_name = "N")]
+    pub(crate) rounds: usize,
+    /// Voxels along a side of a volume that is written, loaded and shown to its first frame; 0 for none
+    #[arg(long, default_value_t = 512, value_name = "N")]
+    pub(crate) start_up: u32,
+    /// Use the adapter whose name contains this
+    #[arg(long, value_name = "NAME")]
+    pub(crate) adapter: Option<String>,
+    /// The results as JSON on standard output, instead of a table
     #[arg(long)]
     pub(crate) json: bool,
 }

@@ -20,3 +20,15 @@ pub(crate) fn facts() -> report::Machine {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     report::Machine { os, cpu, cores: u32::try_from(cores).unwrap_or(u32::MAX), memory_bytes, adapter: None }
 }
+
+/// Processes that wanted a processor in the last minute, on the mean: how quiet the machine was.
+pub(crate) fn load_average() -> Option<f64> {
+    fs::read_to_string("/proc/loadavg").ok()?.split_whitespace().next()?.parse().ok()
+}
+
+/// Bytes of memory that are free, or would be if they were asked for.
+pub(crate) fn available_bytes() -> Option<u64> {
+    let memory = fs::read_to_string("/proc/meminfo").ok()?;
+    let line = memory.lines().find(|line| line.starts_with("MemAvailable:"))?;
+    Some(line.split_whitespace().nth(1)?.parse::<u64>().ok()? * 1024)
+}

@@ -100,6 +100,29 @@ pub fn settings() -> Vec<Setting> {
     all
 }
 
+/// Settings whose cost is measured: the levels, and `balanced` without each thing that makes it faster.
+#[must_use]
+pub fn cost_settings() -> Vec<Setting> {
+    let setting = |curve, name: &str, quality| Setting { curve, name: name.to_owned(), quality };
+    let level = |name, quality| setting(Curve::Level, name, quality);
+    let b = Quality::BALANCED;
+    vec![
+        level("draft", Quality::DRAFT),
+        level("balanced", b),
+        level("fine", Quality::FINE),
+        setting(Curve::StepHardware, "balanced, not refined", Quality { refined_parts: 1, ..b }),
+        setting(
+            Curve::StepHardware,
+            "a voxel a step",
+            Quality { step_voxels: 1.0, refined_parts: 1, solves_surfaces: false, ..b },
+        ),
+        setting(Curve::NoSkipping, "balanced, no skipping", Quality { skip_empty: false, ..b }),
+        setting(Curve::EarlyEnd, "balanced, no early end", Quality { least_transmittance: 0.0, ..b }),
+        setting(Curve::StepFloat32, "balanced, float32 filter", Quality { sampling: Sampling::Float32, ..b }),
+        setting(Curve::Level, "balanced, lit in groups", Quality { light_span_voxels: 4.0, ..b }),
+    ]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

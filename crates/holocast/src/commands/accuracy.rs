@@ -76,7 +76,7 @@ fn chosen(names: &[String]) -> anyhow::Result<Vec<Setting>> {
 }
 
 /// Scene files by name. A folder stands for all scenes in it.
-fn scenes(paths: &[PathBuf]) -> anyhow::Result<Vec<(String, PathBuf)>> {
+pub(crate) fn scenes(paths: &[PathBuf]) -> anyhow::Result<Vec<(String, PathBuf)>> {
     let mut files = Vec::new();
     for path in paths {
         if !path.is_dir() {

@@ -3,6 +3,8 @@
 mod accuracy;
 mod adapters;
 mod bench_registration;
+mod bench_render;
+mod bench_scale;
 mod compare;
 mod contact_sheet;
 mod convert;
@@ -29,6 +31,8 @@ pub(crate) fn run(command: Command) -> anyhow::Result<()> {
         Command::Render(arguments) => render::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Bench(Bench::Accuracy(arguments)) => accuracy::run(&arguments),
+        Command::Bench(Bench::Render(arguments)) => bench_render::run(&arguments),
+        Command::Bench(Bench::Scale(arguments)) => bench_scale::run(&arguments),
         Command::Info(arguments) => info::run(&arguments),
         Command::Convert(arguments) => convert::run(&arguments),
         Command::Bench(Bench::Registration(arguments)) => bench_registration::run(&arguments),
