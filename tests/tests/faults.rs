@@ -94,6 +94,27 @@ async fn only_who_knows_the_pairing_code_sees() {
     room.shutdown().await;
 }
 
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn who_guesses_pairing_codes_is_soon_not_heard_even_with_the_right_one() {
+    let room =
+        TestServer::start(subject(), "{}", Settings { pairing_code: Some("482913".into()), ..settings() });
+    let with = |code: &str| HeadsetSettings { pairing_code: code.to_owned(), ..room.headset("guest") };
+    let mut inside = Viewer::join_as(&room, &with("482913"), |_| in_front()).await;
+    inside.frame_after(0).await;
+    for guess in 0..5 {
+        let end = turned_away(&room, &with(&format!("00000{guess}"))).await;
+        assert_turned_away(&end, CloseCode::NotPaired, "wrong pairing code");
+    }
+    for code in ["000005", "482913"] {
+        let end = turned_away(&room, &with(code)).await;
+        assert_turned_away(&end, CloseCode::NotPaired, "too many wrong pairing codes");
+    }
+    inside.frame_after(3).await;
+    inside.leave().await;
+    room.is_empty().await;
+    room.shutdown().await;
+}
+
 /// What is said on the control stream instead of a hello.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn what_is_no_hello_is_answered_with_code_and_reason() {

@@ -1,6 +1,6 @@
 //! A connection's task: drives one session.
 
-use crate::seat::Seat;
+use crate::seat::{Seat, locked};
 use crate::server::{Shared, told};
 use session::{Device, ServerEvent, ServerSession, ServerTime, ServerTransmit};
 use std::sync::Arc;
@@ -50,6 +50,9 @@ fn handle_input(shared: &Shared, seat: &Seat, event: Event) {
     let now = shared.clock.now();
     let mut session = seat.session();
     match event {
+        Event::Control(bytes) if session.awaits_hello() => {
+            hear_hello(shared, seat, &mut session, now, &bytes)
+        }
         Event::Control(bytes) => session.handle_control(now, &bytes),
         Event::Datagram(bytes) => session.handle_datagram(now, &bytes),
         Event::Closed { by_peer, code, reason } => {
@@ -62,6 +65,27 @@ fn handle_input(shared: &Shared, seat: &Seat, event: Event) {
         Event::Stream { .. } | Event::StreamReset { .. } | Event::StreamTooLarge { .. } => {
             session.close(now, CloseCode::BadMessage, "a stream beside the control stream, expected none");
         }
+    }
+}
+
+/// Hears a hello, unless its sender has guessed too many pairing codes. The count is held while the code is compared, so
+/// that who guesses on many connections at once is counted too.
+fn hear_hello(shared: &Shared, seat: &Seat, session: &mut ServerSession, now: ServerTime, bytes: &[u8]) {
+    if shared.settings.pairing_code.is_none() {
+        return session.handle_control(now, bytes);
+    }
+    let from = seat.peer.ip();
+    let mut guesses = locked(&shared.guesses);
+    if let Some(wait) = guesses.wait(from, now) {
+        let secs = wait.as_secs() + 1;
+        tracing::warn!(session = seat.id, peer = %seat.peer, "too many wrong pairing codes, none is heard for {secs} s");
+        let reason =
+            format!("too many wrong pairing codes came from your address, the next is heard in {secs} s");
+        return session.close(now, CloseCode::NotPaired, &reason);
+    }
+    session.handle_control(now, bytes);
+    if session.has_guessed_wrong() {
+        guesses.wrong(from, now);
     }
 }
 

@@ -14,6 +14,7 @@
 mod clock;
 mod connection;
 mod encoding;
+mod pairing;
 mod quality;
 mod render_loop;
 mod room;

@@ -3,6 +3,7 @@
 use crate::clock::Clock;
 use crate::connection;
 use crate::encoding::{EncoderPool, StopOnPanic};
+use crate::pairing::Guesses;
 use crate::quality::{QualityController, Rung};
 use crate::render_loop::RenderLoop;
 use crate::room::{Room, SceneChangeError};
@@ -84,6 +85,7 @@ pub(crate) struct Shared {
     seats: Mutex<Arc<Vec<Arc<Seat>>>>,
     stopping: AtomicBool,
     next_session: AtomicU64,
+    pub(crate) guesses: Mutex<Guesses>,
     /// One for all headsets: they share the device, and what is too much for it is too much for each.
     quality: Mutex<QualityController>,
     /// Tells the accepting task to end.
@@ -190,6 +192,7 @@ impl Server {
             seats: Mutex::default(),
             stopping: AtomicBool::new(false),
             next_session: AtomicU64::new(1),
+            guesses: Mutex::default(),
             quality: Mutex::default(),
             stop: watch::Sender::new(false),
             settings,

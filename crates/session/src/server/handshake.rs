@@ -45,6 +45,7 @@ impl ServerSession {
             } else {
                 "wrong pairing code, expected the one that the server shows"
             };
+            self.guessed_wrong = !hello.pairing_code.is_empty();
             return self.close(now, CloseCode::NotPaired, reason);
         }
         match Device::checked(&hello.device) {

@@ -124,6 +124,7 @@ pub struct ServerSession {
     last_heard_at: ServerTime,
     control: ControlReader,
     device: Option<Device>,
+    guessed_wrong: bool,
     scene_revision: u32,
     poses: PoseInbox,
     budget: FrameBudget,
@@ -148,6 +149,7 @@ impl ServerSession {
             last_heard_at: now,
             control: ControlReader::new(),
             device: None,
+            guessed_wrong: false,
             poses: PoseInbox::default(),
             budget: FrameBudget::new(now, 60.0),
             flow: Flow::new(&settings),
@@ -172,6 +174,18 @@ impl ServerSession {
     #[must_use]
     pub fn is_closed(&self) -> bool {
         self.phase == Phase::Closed
+    }
+
+    /// Whether the peer has yet to say who it is.
+    #[must_use]
+    pub fn awaits_hello(&self) -> bool {
+        self.phase == Phase::AwaitingHello
+    }
+
+    /// Whether the peer was turned away for a pairing code that is not the server's; none at all is no guess.
+    #[must_use]
+    pub fn has_guessed_wrong(&self) -> bool {
+        self.guessed_wrong
     }
 
     /// Takes bytes of the control stream, in pieces of any size.
