@@ -51,7 +51,7 @@ fn handle_input(shared: &Shared, seat: &Seat, event: Event) {
     let mut session = seat.session();
     match event {
         Event::Control(bytes) if session.awaits_hello() => {
-            hear_hello(shared, seat, &mut session, now, &bytes)
+            hear_hello(shared, seat, &mut session, now, &bytes);
         }
         Event::Control(bytes) => session.handle_control(now, &bytes),
         Event::Datagram(bytes) => session.handle_datagram(now, &bytes),
