@@ -1,5 +1,6 @@
 //! What fuzz targets of volume files share.
 
+use std::sync::Once;
 use volume_io::describe::VolumeDescription;
 use volume_io::{LoadOptions, load_parts};
 
@@ -19,9 +20,17 @@ pub fn files(data: &[u8]) -> Vec<&[u8]> {
     files
 }
 
+/// libFuzzer's own hook ends the process where a panic begins, so it would take a panic that a loader contains (that of a
+/// library's decoder) for a failure. A panic that nobody contains still ends it, when it reaches libFuzzer.
+fn let_loaders_contain_panics() {
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| std::panic::set_hook(Box::new(|panic| eprintln!("{panic}"))));
+}
+
 /// Loads a file with those beside it: that ends with a volume within the memory allowed, which can be described and says
 /// nothing of the patient, or with an error.
 pub fn load(name: &str, file: &[u8], beside: &[(&str, &[u8])]) {
+    let_loaders_contain_panics();
     let options = LoadOptions { max_bytes: MAX_BYTES, force: true, ..LoadOptions::default() };
     if let Ok(loaded) = load_parts(name, file, beside, &options) {
         assert!(loaded.volume.sample_bytes() as u64 <= MAX_BYTES);

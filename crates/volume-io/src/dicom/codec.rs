@@ -4,6 +4,7 @@ use super::jpeg_ls;
 use super::syntax::Codec;
 use dicom_toolkit_jpeg2000::{DecodeSettings, Image};
 use jpeg_decoder::{Decoder, PixelFormat};
+use std::panic::{UnwindSafe, catch_unwind};
 
 /// Samples of 8 or 16 bits, little-endian.
 pub(super) struct Samples {
@@ -21,14 +22,20 @@ pub(super) fn decode(
 ) -> Result<Samples, String> {
     match codec {
         Codec::Rle => rle(data, width * height, allocated as usize / 8),
-        Codec::Jpeg => jpeg(data, width, height),
+        Codec::Jpeg => contained(|| jpeg(data, width, height)),
         Codec::JpegLs => {
             let samples = jpeg_ls::decode(data, width, height)?;
             let bytes = samples.iter().flat_map(|s| s.to_le_bytes()).collect();
             Ok(Samples { bytes, bytes_a_sample: 2 })
         }
-        Codec::Jpeg2000 => jpeg_2000(data, width, height),
+        Codec::Jpeg2000 => contained(|| jpeg_2000(data, width, height)),
     }
+}
+
+/// What a library's decoder makes of data. Some of them assert what damaged data do not keep to (openjph-core does, for
+/// HTJ2K): to the reader of a folder that is one more file that cannot be decoded, not the end of the server.
+fn contained(decode: impl FnOnce() -> Result<Samples, String> + UnwindSafe) -> Result<Samples, String> {
+    catch_unwind(decode).unwrap_or_else(|_| Err("the decoder stopped at something that cannot be".to_owned()))
 }
 
 /// Which codec's data these are, for messages.

@@ -40,6 +40,15 @@ fn what_is_no_volume_is_named() {
     check(&[0xde, 0xad, 0xbe, 0xef], "unknown bytes de ad be ef");
 }
 
+/// The fuzzer found it: the library asserts, where assertions are on, what this stream does not keep to.
+#[cfg(debug_assertions)]
+#[test]
+fn a_decoder_that_panics_gives_an_error_that_names_the_file() {
+    let file = std::fs::read(fixtures().join("damaged/htj2k.dcm")).unwrap();
+    let error = load_err(&file).to_string();
+    assert!(error.contains("JPEG 2000 pixels") && error.contains("the decoder stopped"), "{error}");
+}
+
 /// Damage must give an error or a volume, within the memory allowed; a panic fails the test.
 fn survives(name: &str, bytes: &[u8], beside: &[(&str, &[u8])]) {
     let options = LoadOptions { max_bytes: 1 << 20, ..LoadOptions::default() };
