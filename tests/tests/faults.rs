@@ -80,7 +80,7 @@ async fn who_speaks_another_protocol_or_looks_for_another_server_is_told_so() {
 async fn only_who_knows_the_pairing_code_sees() {
     let room =
         TestServer::start(subject(), "{}", Settings { pairing_code: Some("482913".into()), ..settings() });
-    let with = |code: &str| HeadsetSettings { pairing_code: code.to_owned(), ..room.headset("guest") };
+    let with = |code: &str| HeadsetSettings { pairing_code: code.into(), ..room.headset("guest") };
     let mut inside = Viewer::join_as(&room, &with("482913"), |_| in_front()).await;
     inside.frame_after(0).await;
     for (code, reason) in [("", "no pairing code"), ("482914", "wrong pairing code"), ("4829130", "wrong")] {
@@ -98,7 +98,7 @@ async fn only_who_knows_the_pairing_code_sees() {
 async fn who_guesses_pairing_codes_is_soon_not_heard_even_with_the_right_one() {
     let room =
         TestServer::start(subject(), "{}", Settings { pairing_code: Some("482913".into()), ..settings() });
-    let with = |code: &str| HeadsetSettings { pairing_code: code.to_owned(), ..room.headset("guest") };
+    let with = |code: &str| HeadsetSettings { pairing_code: code.into(), ..room.headset("guest") };
     let mut inside = Viewer::join_as(&room, &with("482913"), |_| in_front()).await;
     inside.frame_after(0).await;
     for guess in 0..5 {

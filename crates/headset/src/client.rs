@@ -5,7 +5,7 @@ use crate::decode::{DecodePool, Decoded};
 use codec::{DecodeError, Decoder, DecoderError, YuvPicture};
 use session::{
     ClientCounters, ClientEvent, ClientSession, ClientSettings, ClientTransmit, ClockOffset, Decoding,
-    Device, Disconnection, FrameTimeline, HeadsetTime, ReceivedFrame,
+    Device, Disconnection, FrameTimeline, HeadsetTime, PairingCode, ReceivedFrame,
 };
 use spatial::Pose;
 use std::collections::VecDeque;
@@ -30,7 +30,7 @@ pub struct HeadsetSettings {
     /// What this headset is.
     pub device: Device,
     /// The code that the server shows to those who may see; empty where none is asked for.
-    pub pairing_code: String,
+    pub pairing_code: PairingCode,
     /// Bounds of the connection.
     pub transport: TransportSettings,
     /// For how long the session waits.
@@ -148,7 +148,7 @@ impl HeadsetSettings {
             server,
             fingerprint,
             device,
-            pairing_code: String::new(),
+            pairing_code: "".into(),
             transport: TransportSettings::receiving(streams, MAX_FRAME_BYTES),
             session: ClientSettings::default(),
         }

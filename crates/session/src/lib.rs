@@ -44,6 +44,7 @@ mod client;
 mod close;
 mod convert;
 mod device;
+mod pairing;
 mod server;
 mod time;
 mod timeline;
@@ -53,6 +54,7 @@ pub use client::{
 };
 pub use close::{ClosedBy, Disconnection};
 pub use device::{Device, DeviceError, MAX_NAME_BYTES};
+pub use pairing::PairingCode;
 pub use server::{
     EncodedFrame, FrameFate, FrameRequest, FrameTicket, PoseTimes, Prediction, Reference, RenderTimes,
     ServerCounters, ServerEvent, ServerSession, ServerSettings, ServerTransmit, StreamTerms,

@@ -66,16 +66,16 @@ fn a_connection_that_breaks_is_the_network_s_end() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn without_the_code_nothing_is_seen() {
     let mut behaviour = honest();
-    behaviour.session.pairing_code = Some("1234".to_owned());
+    behaviour.session.pairing_code = Some("1234".into());
     let server = start(behaviour);
     let mut settings = server.simulated();
-    settings.headset.pairing_code = "4321".to_owned();
+    settings.headset.pairing_code = "4321".into();
     let refused = run(settings.clone()).await;
     assert_eq!((refused.end.by, refused.end.code), ("peer", CloseCode::NotPaired.value()));
     assert!(refused.frames.is_empty() && refused.session.is_none() && refused.started_at_secs.is_none());
     assert_eq!((refused.seconds, refused.frames_per_second()), (0.0, 0.0));
 
-    settings.headset.pairing_code = "1234".to_owned();
+    settings.headset.pairing_code = "1234".into();
     assert!(run(settings).await.ended_in_order());
 }
 

@@ -34,7 +34,7 @@ pub(crate) fn run(arguments: &Serve) -> anyhow::Result<()> {
 
     let defaults = Settings::new(arguments.listen);
     let settings = Settings {
-        pairing_code: arguments.pairing_code.clone(),
+        pairing_code: arguments.pairing_code.clone().map(Into::into),
         max_headsets: arguments.max_headsets,
         quality,
         adapt_quality: !arguments.fixed_quality,

@@ -35,7 +35,7 @@ pub(crate) fn settings(
     let device = model.device(arguments.hz)?;
     let fingerprint = Fingerprint::parse(&arguments.fingerprint)?;
     let headset = HeadsetSettings {
-        pairing_code: arguments.pairing_code.clone(),
+        pairing_code: arguments.pairing_code.as_str().into(),
         ..HeadsetSettings::new(arguments.connect.clone(), fingerprint, device)
     };
     Ok(SimulatedSettings {

@@ -8,6 +8,7 @@ mod statistics;
 use crate::close::{ClosedBy, Disconnection, bounded_reason};
 use crate::convert::pose_to_wire;
 use crate::device::Device;
+use crate::pairing::PairingCode;
 use crate::time::{ClockOffset, HeadsetTime, ServerTime};
 use crate::timeline::{Arrival, FrameTimeline};
 use clock::PingFilter;
@@ -149,12 +150,12 @@ impl ClientSession {
     pub fn new(
         now: HeadsetTime,
         device: &Device,
-        pairing_code: &str,
+        pairing_code: &PairingCode,
         settings: ClientSettings,
     ) -> Result<Self, EncodeError> {
         let hello = ClientMessage::Hello(Hello {
             version: wire::PROTOCOL_VERSION,
-            pairing_code: pairing_code.to_owned(),
+            pairing_code: pairing_code.as_str().to_owned(),
             device: device.to_wire(),
         });
         Ok(Self {

@@ -38,7 +38,7 @@ impl ServerSession {
     pub(super) fn handle_hello(&mut self, now: ServerTime, hello: &Hello) {
         // The version was compared before the rest was decoded.
         if let Some(expected) = &self.settings.pairing_code
-            && !equal_in_constant_time(expected.as_bytes(), hello.pairing_code.as_bytes())
+            && !equal_in_constant_time(expected.as_str().as_bytes(), hello.pairing_code.as_bytes())
         {
             let reason = if hello.pairing_code.is_empty() {
                 "no pairing code, expected the one that the server shows"

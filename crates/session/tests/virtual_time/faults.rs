@@ -8,7 +8,7 @@ use wire::{ClientDatagram, ClientMessage, CloseCode, Feedback, Hello, PoseSample
 
 /// A server that expects a pairing code, and what it says to a peer that sends these bytes first.
 fn answer_to(control: &[u8]) -> ServerSession {
-    let settings = ServerSettings { pairing_code: Some("482913".to_owned()), ..ServerSettings::default() };
+    let settings = ServerSettings { pairing_code: Some("482913".into()), ..ServerSettings::default() };
     let mut server = ServerSession::new(server_time(0), settings);
     server.handle_control(server_time(1_000), control);
     server
@@ -447,8 +447,9 @@ fn scene_requests_that_nobody_takes_are_refused() {
 #[test]
 fn a_server_that_sends_nonsense_is_left() {
     let check = |feed: &dyn Fn(&mut ClientSession), needle: &str| {
-        let mut client = ClientSession::new(headset_time(0), &device(), "", ClientSettings::default())
-            .expect("no pairing code");
+        let mut client =
+            ClientSession::new(headset_time(0), &device(), &"".into(), ClientSettings::default())
+                .expect("no pairing code");
         let welcome = wire::ServerMessage::Welcome(wire::Welcome {
             version: 1,
             session_id: 1,

@@ -156,7 +156,7 @@ proptest! {
     fn the_headset_survives_whatever_comes(
         pieces in prop::collection::vec((0u8..6, prop::collection::vec(any::<u8>(), 0..300), 0u64..400_000), 0..60),
     ) {
-        let mut client = ClientSession::new(headset_time(0), &device(), "", ClientSettings::default())
+        let mut client = ClientSession::new(headset_time(0), &device(), &"".into(), ClientSettings::default())
             .expect("no pairing code");
         let mut now_us = 0;
         for (kind, bytes, wait_us) in pieces {

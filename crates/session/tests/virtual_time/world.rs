@@ -131,9 +131,13 @@ pub(crate) struct World {
 impl World {
     pub(crate) fn new(setup: Setup) -> Self {
         let server = ServerSession::new(server_time(0), setup.settings.clone());
-        let client =
-            ClientSession::new(headset_time(0), &device(), setup.pairing_code, ClientSettings::default())
-                .expect("a short pairing code");
+        let client = ClientSession::new(
+            headset_time(0),
+            &device(),
+            &setup.pairing_code.into(),
+            ClientSettings::default(),
+        )
+        .expect("a short pairing code");
         Self {
             now: 0,
             server,
