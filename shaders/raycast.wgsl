@@ -255,6 +255,12 @@ fn go_on(m: ptr<function, March>, l: Lattice, sum: ptr<function, Gathered>) -> v
     return piece;
 }
 
+// Weighted colour and weight of pieces that are lit alike, as at p.
+fn lit_together(piece: vec4<f32>, p: vec3<f32>, ray: Ray) -> vec3<f32> {
+    let cosine = facing(p, ray.direction_mm);
+    return piece.rgb * (frame.light.x + frame.light.y * cosine) + piece.a * mirrored(cosine);
+}
+
 // Loops here hold only what every sample needs. A software driver, and a GPU whose rays part ways, runs all of a loop's
 // body for all rays of a group as long as one of them goes on: light, crossings and the last, shorter step stand outside.
 fn emission_absorption(ray: Ray) -> Pixel {
@@ -299,8 +305,7 @@ fn emission_absorption(ray: Ray) -> Pixel {
                     moment += piece.a * 0.5 * (at + m.i);
                 }
                 if (color.a > 0.0) {
-                    let cosine = facing(place(l, moment / color.a), ray.direction_mm);
-                    sum.color += color.rgb * (frame.light.x + frame.light.y * cosine) + color.a * mirrored(cosine);
+                    sum.color += lit_together(color, place(l, moment / color.a), ray);
                 }
             }
         } else {
@@ -327,8 +332,7 @@ fn emission_absorption(ray: Ray) -> Pixel {
             gather(&sum, weight, at - 0.5 * length, length);
         }
         if (LIT && color.a > 0.0) {
-            let cosine = facing(place(l, moment / color.a), ray.direction_mm);
-            sum.color += color.rgb * (frame.light.x + frame.light.y * cosine) + color.a * mirrored(cosine);
+            sum.color += lit_together(color, place(l, moment / color.a), ray);
         } else {
             sum.color += color.rgb;
         }

@@ -50,6 +50,9 @@ impl Quality {
         solves_surfaces: false,
         ..Self::BALANCED
     };
+    /// Steps of a voxel and nothing else: what refined steps and solved surfaces are measured against, no level of its own.
+    pub const PLAIN: Self =
+        Self { step_voxels: 1.0, refined_parts: 1, solves_surfaces: false, ..Self::BALANCED };
     /// Steps of three eighths of a voxel, and quarters of them where there is something to see; surfaces and maxima without
     /// steps.
     pub const BALANCED: Self = Self {

@@ -63,13 +63,7 @@ impl Seen {
 }
 
 /// To the end of each ray, a voxel a step and no less.
-const WHOLE: Quality = Quality {
-    step_voxels: 1.0,
-    refined_parts: 1,
-    least_transmittance: 0.0,
-    solves_surfaces: false,
-    ..Quality::BALANCED
-};
+const WHOLE: Quality = Quality { least_transmittance: 0.0, ..Quality::PLAIN };
 
 #[test]
 fn a_fog_that_fills_the_volume_takes_a_sample_a_step_and_each_contributes() {

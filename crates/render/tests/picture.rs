@@ -227,7 +227,7 @@ fn skipping_empty_space_changes_no_bit() {
         r#"{"mode": "maximum", "window": [0, 255]}"#.into(),
     ] {
         let shown = Shown::new(&v, &json);
-        for quality in [Quality::BALANCED, Quality::FINE, Quality::EXACT] {
+        for quality in [Quality::PLAIN, Quality::BALANCED, Quality::FINE, Quality::EXACT] {
             let of = |skip_empty| shown.still(&eyes, [97, 61], Quality { skip_empty, ..quality }, None);
             let (with, without) = (of(true), of(false));
             assert!(without.rgba.iter().any(|p| p[3] > 0.1), "{json}: something is seen");

@@ -161,7 +161,7 @@ impl Outcome {
                 Point::labelled(row.frame_ms.median, error_of(row), label)
             });
             match curve {
-                Curve::StepHardware | Curve::StepFloat32 => plot.lines(curve.name(), points),
+                Curve::StepHardware | Curve::StepFloat32 | Curve::Refined => plot.lines(curve.name(), points),
                 _ => plot.scatter(curve.name(), points),
             }
         });

@@ -12,6 +12,8 @@ pub enum Curve {
     StepHardware,
     /// The step, interpolated in float32.
     StepFloat32,
+    /// The step, refined as `balanced` refines it.
+    Refined,
     /// Cells instead of steps, in float32.
     Cells,
     /// The light that is left when a ray ends.
@@ -24,9 +26,10 @@ pub enum Curve {
 
 impl Curve {
     /// Every curve, in the order of the plot.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::StepHardware,
         Self::StepFloat32,
+        Self::Refined,
         Self::Cells,
         Self::EarlyEnd,
         Self::FewerRays,
@@ -41,6 +44,7 @@ impl Curve {
             Self::Level => "named levels",
             Self::StepHardware => "step, device's filter",
             Self::StepFloat32 => "step, float32 filter",
+            Self::Refined => "step, refined",
             Self::Cells => "cells, float32",
             Self::EarlyEnd => "early end",
             Self::FewerRays => "fewer rays",
@@ -64,18 +68,24 @@ pub struct Setting {
 #[must_use]
 pub fn settings() -> Vec<Setting> {
     const STEPS: [f64; 6] = [4.0, 2.0, 1.0, 0.5, 0.25, 0.125];
+    let plain = Quality { least_transmittance: Quality::EXACT.least_transmittance, ..Quality::PLAIN };
     let mut all = Vec::new();
     let mut add = |curve, name: String, quality| all.push(Setting { curve, name, quality });
     for (name, quality) in Quality::LEVELS {
         add(Curve::Level, name.to_owned(), quality);
     }
     for step_voxels in STEPS {
-        let quality = Quality { step_voxels, sampling: Sampling::Hardware, ..Quality::EXACT };
+        let quality = Quality { step_voxels, ..plain };
         add(Curve::StepHardware, format!("hardware step {step_voxels}"), quality);
     }
     for step_voxels in STEPS {
-        let quality = Quality { step_voxels, sampling: Sampling::Float32, ..Quality::EXACT };
+        let quality = Quality { step_voxels, sampling: Sampling::Float32, ..plain };
         add(Curve::StepFloat32, format!("float32 step {step_voxels}"), quality);
+    }
+    for step_voxels in [2.0, 1.0, 0.5, 0.25] {
+        let Quality { refined_parts, refined_above, .. } = Quality::BALANCED;
+        let quality = Quality { step_voxels, refined_parts, refined_above, ..plain };
+        add(Curve::Refined, format!("refined step {step_voxels}"), quality);
     }
     for end in [256.0, 2048.0] {
         let quality = Quality { sampling: Sampling::Cells, least_transmittance: 1.0 / end, ..Quality::EXACT };
@@ -83,7 +93,7 @@ pub fn settings() -> Vec<Setting> {
     }
     // Steps so short that the early end is what errs.
     let to_the_end =
-        Quality { step_voxels: 0.25, least_transmittance: 0.0, sampling: Sampling::Float32, ..Quality::FINE };
+        Quality { step_voxels: 0.25, least_transmittance: 0.0, sampling: Sampling::Float32, ..plain };
     for end in [16.0, 64.0, 256.0, 1024.0, 4096.0] {
         let quality = Quality { least_transmittance: 1.0 / end, ..to_the_end };
         add(Curve::EarlyEnd, format!("end at 1/{end}"), quality);
@@ -111,11 +121,7 @@ pub fn cost_settings() -> Vec<Setting> {
         level("balanced", b),
         level("fine", Quality::FINE),
         setting(Curve::StepHardware, "balanced, not refined", Quality { refined_parts: 1, ..b }),
-        setting(
-            Curve::StepHardware,
-            "a voxel a step",
-            Quality { step_voxels: 1.0, refined_parts: 1, solves_surfaces: false, ..b },
-        ),
+        setting(Curve::StepHardware, "a voxel a step", Quality::PLAIN),
         setting(Curve::NoSkipping, "balanced, no skipping", Quality { skip_empty: false, ..b }),
         setting(Curve::EarlyEnd, "balanced, no early end", Quality { least_transmittance: 0.0, ..b }),
         setting(Curve::StepFloat32, "balanced, float32 filter", Quality { sampling: Sampling::Float32, ..b }),

@@ -20,7 +20,7 @@ const PLOT_SCALE: u32 = 2;
 const STEPS: f64 = 255.0;
 
 pub(crate) fn run(arguments: &BenchAccuracy) -> anyhow::Result<()> {
-    let settings = chosen(&arguments.setting)?;
+    let settings = chosen(sweep::settings(), &arguments.setting)?;
     let scenes = scenes(&arguments.scene)?;
     if arguments.frames == 0 {
         bail!("--frames is 0, expected 1 or more");
@@ -60,9 +60,8 @@ fn measured(
     rows.with_context(|| name.to_owned())
 }
 
-/// The settings of those names; all of them without one.
-fn chosen(names: &[String]) -> anyhow::Result<Vec<Setting>> {
-    let all = sweep::settings();
+/// Those settings of all that have one of the names; all of them without a name.
+pub(crate) fn chosen(all: Vec<Setting>, names: &[String]) -> anyhow::Result<Vec<Setting>> {
     if names.is_empty() {
         return Ok(all);
     }

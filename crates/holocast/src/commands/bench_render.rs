@@ -1,7 +1,7 @@
 //! `holocast bench render`.
 
 use crate::cli::{BenchRender, Chosen, Look, Size};
-use crate::commands::accuracy::scenes;
+use crate::commands::accuracy::{chosen, scenes};
 use crate::commands::shown::Shown;
 use crate::commands::viewpoint::Viewpoint;
 use crate::machine;
@@ -23,7 +23,7 @@ pub(crate) fn run(arguments: &BenchRender) -> anyhow::Result<()> {
     if arguments.rounds == 0 {
         bail!("--rounds is 0, expected 1 or more");
     }
-    let settings = chosen(&arguments.setting)?;
+    let settings = chosen(sweep::cost_settings(), &arguments.setting)?;
     let scenes = scenes(&arguments.scene)?;
     fs::create_dir_all(&arguments.out)
         .with_context(|| format!("{}: cannot be made", arguments.out.display()))?;
@@ -47,21 +47,6 @@ pub(crate) fn run(arguments: &BenchRender) -> anyhow::Result<()> {
         say(arguments.out.join("render.json").display());
     }
     Ok(())
-}
-
-/// The settings of those names; all of them without one.
-fn chosen(names: &[String]) -> anyhow::Result<Vec<Setting>> {
-    let all = sweep::cost_settings();
-    if names.is_empty() {
-        return Ok(all);
-    }
-    let one = |name: &String| {
-        all.iter().find(|setting| setting.name == *name).cloned().with_context(|| {
-            let there: Vec<&str> = all.iter().map(|setting| setting.name.as_str()).collect();
-            format!("no setting '{name}'; there are: {}", there.join(", "))
-        })
-    };
-    names.iter().map(one).collect()
 }
 
 fn measure(
@@ -110,7 +95,7 @@ fn stall(arguments: &BenchRender, path: &Path) -> anyhow::Result<FirstUse> {
     let scene = SceneOnDevice::new(&gpu, &volume, &shown.scene)?;
     let size = arguments.size.first().copied().context("a size")?;
     let watched = watched(arguments, "first use", &shown, &scene, size)?;
-    let balanced = chosen(&["balanced".to_owned()])?.remove(0);
+    let balanced = chosen(sweep::cost_settings(), &["balanced".to_owned()])?.remove(0);
     let mut others =
         [Mode::Maximum, Mode::XRay, Mode::Threshold].into_iter().filter(|m| *m != shown.scene.mode);
     let mut other =

@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 /// Steps, interpolated in float32: the method of the coarser levels without their filter.
 fn steps() -> Quality {
-    Quality { sampling: Sampling::Float32, least_transmittance: 0.0, ..Quality::BALANCED }
+    Quality { sampling: Sampling::Float32, least_transmittance: 0.0, ..Quality::PLAIN }
 }
 
 #[test]

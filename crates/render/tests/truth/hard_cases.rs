@@ -25,7 +25,7 @@ const SIZE: [u32; 2] = [24, 18];
 
 /// Steps, interpolated in float32.
 fn steps() -> Quality {
-    Quality { sampling: Sampling::Float32, least_transmittance: 0.0, ..Quality::BALANCED }
+    Quality { sampling: Sampling::Float32, least_transmittance: 0.0, ..Quality::PLAIN }
 }
 
 /// Every look of a volume, with what is seen from `low` to `high`.
@@ -267,8 +267,7 @@ fn spacings_far_apart_are_drawn_or_refused_with_numbers() {
     let shown = &all_looks(&v, 0.1, 0.9, 0.2)[0];
     let view = eye(DVec3::new(500.0, 900.0, 5000.0), DVec3::new(0.0, 1.5, 1500.0), fov(30.0, SIZE));
     finite("1e-6 x 1 x 1000 mm", &shown.drawn(view, SIZE, Quality::EXACT, None));
-    let a_voxel = Quality { step_voxels: 1.0, ..Quality::BALANCED };
-    let error = plan(shown, &[view], SIZE, a_voxel).unwrap_err();
+    let error = plan(shown, &[view], SIZE, Quality::PLAIN).unwrap_err();
     assert!(matches!(error, PlanError::Step { samples, .. } if samples > 4e9), "{error}");
     let text = error.to_string();
     assert!(text.contains("0.000001 mm") && text.contains("4000002000"), "{text}");

@@ -27,7 +27,14 @@ fn check_from(eyes: &[EyeView], name: &str, volume: Volume, scenes: &[(&str, boo
     let levels = [
         Quality::DRAFT,
         Quality::BALANCED,
-        Quality { sampling: Sampling::Float32, step_voxels: 0.3, ..Quality::BALANCED },
+        Quality::PLAIN,
+        // Steps, refined, for surfaces too.
+        Quality {
+            sampling: Sampling::Float32,
+            step_voxels: 0.3,
+            solves_surfaces: false,
+            ..Quality::BALANCED
+        },
         Quality::FINE,
         Quality::EXACT,
     ];

@@ -10,10 +10,11 @@ use spatial::{DQuat, DVec3, EyeView, Fov, HeadGeometry, Pose};
 use std::sync::Arc;
 
 /// Every way of sampling.
-fn levels() -> [Quality; 4] {
+fn levels() -> [Quality; 5] {
     [
         Quality::BALANCED,
-        Quality { sampling: Sampling::Float32, ..Quality::BALANCED },
+        Quality::PLAIN,
+        Quality { sampling: Sampling::Float32, solves_surfaces: false, ..Quality::BALANCED },
         Quality::FINE,
         Quality::EXACT,
     ]
