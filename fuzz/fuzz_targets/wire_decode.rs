@@ -116,7 +116,7 @@ fn server(data: &[u8]) {
 
 fn client(data: &[u8]) {
     let mut now = HeadsetTime::from_micros(1_000_000);
-    let new = || ClientSession::new(now, &DEVICE, "", ClientSettings::default()).expect("no pairing code");
+    let new = || ClientSession::new(now, &DEVICE, &PairingCode::from(""), ClientSettings::default()).expect("no pairing code");
     let mut stranger = new();
     stranger.handle_control(now, data);
     stranger.handle_frame(now, data.to_vec());
