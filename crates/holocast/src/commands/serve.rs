@@ -55,7 +55,7 @@ pub(crate) fn run(arguments: &Serve) -> anyhow::Result<()> {
     drop(shown.loaded);
 
     let runtime = tokio::runtime::Builder::new_multi_thread()
-        .worker_threads(2)
+        .worker_threads(network_threads())
         .thread_name("network")
         .enable_all()
         .build()
@@ -76,6 +76,13 @@ pub(crate) fn run(arguments: &Serve) -> anyhow::Result<()> {
         server.shutdown().await;
         say_usage(arguments.json)
     })
+}
+
+/// Threads for the network: one does for a few headsets, and a second would be woken for half of what comes only to find
+/// that the first has it already.
+fn network_threads() -> usize {
+    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    (cores / 4).clamp(1, 4)
 }
 
 /// What serving took of the machine.
