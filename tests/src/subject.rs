@@ -1,7 +1,7 @@
 //! What is looked at: a small volume that looks different from every side, and scenes of it.
 
 use scene::Mode;
-use spatial::DVec3;
+use spatial::{DAffine3, DMat3, DVec3};
 use volume::{Channel, ChannelKind, Grid, Volume, Voxels};
 
 /// Voxels along x (to the patient's left), y (posterior) and z (superior).
@@ -38,6 +38,33 @@ pub fn subject() -> Volume {
 #[must_use]
 pub fn beacon() -> Volume {
     volume_of(|p| 250.0 * (-((p - BEACON).length() / 0.2).powi(2)).exp())
+}
+
+/// Labels about the core of [`subject`], on a coarser grid of their own: 1 before 2, nothing else.
+#[must_use]
+pub fn labels() -> Volume {
+    const SIDE: u32 = 12;
+    const VOXEL_MM: f64 = 14.0;
+    let middle = (DVec3::from_array(DIMS.map(f64::from)) - 1.0) / 2.0 * DVec3::from_array(SPACING_MM);
+    let half = DVec3::splat(f64::from(SIDE - 1) / 2.0);
+    let mut voxels = Vec::new();
+    for i in 0..SIDE.pow(3) {
+        let at = DVec3::from_array([i % SIDE, i / SIDE % SIDE, i / SIDE / SIDE].map(f64::from)) - half;
+        voxels.push(if at.length() > 4.5 { 0 } else { 1 + u8::from(at.y > 0.0) });
+    }
+    let channel = Channel {
+        name: "labels".into(),
+        kind: ChannelKind::Label,
+        voxels: Voxels::U8(voxels),
+        slope: 1.0,
+        intercept: 0.0,
+    };
+    let volume_from_index = DAffine3::from_mat3_translation(
+        DMat3::from_diagonal(DVec3::splat(VOXEL_MM)),
+        middle - half * VOXEL_MM,
+    );
+    let grid = Grid::new([SIDE; 3], volume_from_index).expect("a grid");
+    Volume::new(grid, vec![channel]).expect("as many voxels as the grid has")
 }
 
 /// A volume of values 0 to 255 from a function of the place, -1 to 1 along each axis.

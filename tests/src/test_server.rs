@@ -5,8 +5,8 @@ use render::{
     DepthGridSize, Gpu, Placed, SceneOnDevice, StereoPlan, StereoRequest, Still, StillRenderer,
     VolumeOnDevice,
 };
-use scene::{SceneFile, VolumeFacts};
-use server::{SeatSnapshot, Server, Settings, StartError};
+use scene::{FurtherFacts, SceneFile, VolumeFacts, VolumeSource};
+use server::{SeatSnapshot, Server, Settings, StartError, Volumes};
 use session::Device;
 use spatial::StereoView;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -47,10 +47,11 @@ pub struct TestServer {
     pub server: Server,
     /// What it shows.
     pub volume: Volume,
+    /// What it may show beside that.
+    pub others: Vec<Volume>,
     /// What it was told.
     pub settings: Settings,
-    facts: VolumeFacts,
-    on_device: render::SharedVolume,
+    volumes: Volumes,
     pool: DecodePool,
     /// Held while it lives.
     _alone: MutexGuard<'static, ()>,
@@ -60,18 +61,33 @@ impl TestServer {
     /// Starts to serve a volume. To be called inside of a tokio runtime.
     #[must_use]
     pub fn start(volume: Volume, scene_json: &str, settings: Settings) -> Self {
+        Self::start_beside(volume, Vec::new(), scene_json, settings)
+    }
+
+    /// The same with volumes beside it, which scenes call `1`, `2`, ….
+    #[must_use]
+    pub fn start_beside(volume: Volume, others: Vec<Volume>, scene_json: &str, settings: Settings) -> Self {
         static ALONE: Mutex<()> = Mutex::new(());
         // A test that has failed leaves nothing behind that this guards.
         let alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
-        let on_device =
-            Arc::new(VolumeOnDevice::upload(gpu(), &volume, |_| {}).unwrap_or_else(|e| panic!("{e}")));
-        let facts = VolumeFacts::of(&volume);
+        let upload = |volume: &Volume| {
+            Arc::new(VolumeOnDevice::upload(gpu(), volume, |_| {}).unwrap_or_else(|e| panic!("{e}")))
+        };
+        let called = |(i, volume): (usize, &Volume)| FurtherFacts {
+            source: VolumeSource { path: (i + 1).to_string().into(), series: None, kind: None },
+            facts: VolumeFacts::of(volume),
+        };
+        let volumes = Volumes {
+            on_device: std::iter::once(&volume).chain(&others).map(upload).collect(),
+            facts: VolumeFacts::of(&volume),
+            others: others.iter().enumerate().map(called).collect(),
+        };
         let scene = SceneFile::from_json(scene_json).unwrap_or_else(|e| panic!("{e}"));
         let identity = Identity::ephemeral().unwrap_or_else(|e| panic!("{e}"));
-        let server = Server::start(settings.clone(), &identity, gpu(), &on_device, facts.clone(), &scene)
+        let server = Server::start(settings.clone(), &identity, gpu(), volumes.clone(), &scene)
             .unwrap_or_else(|e| panic!("{e}"));
         let pool = DecodePool::new(NonZero::<usize>::MIN).expect("a thread");
-        Self { server, volume, settings, facts, on_device, pool, _alone: alone }
+        Self { server, volume, others, settings, volumes, pool, _alone: alone }
     }
 
     /// Tries to start another server of the same volume beside this one.
@@ -80,7 +96,7 @@ impl TestServer {
     /// As [`Server::start`].
     pub fn another(&self, settings: Settings) -> Result<Server, StartError> {
         let identity = Identity::ephemeral().unwrap_or_else(|e| panic!("{e}"));
-        Server::start(settings, &identity, gpu(), &self.on_device, self.facts.clone(), &SceneFile::default())
+        Server::start(settings, &identity, gpu(), self.volumes.clone(), &SceneFile::default())
     }
 
     /// The session of that number, if it has a seat.
@@ -117,7 +133,8 @@ impl TestServer {
     #[must_use]
     pub fn still(&self, scene_json: &str, view: &StereoView) -> Still {
         let scene = self.scene(scene_json);
-        let on_device = SceneOnDevice::new(gpu(), &self.on_device, &scene).unwrap_or_else(|e| panic!("{e}"));
+        let on_device = SceneOnDevice::of_several(gpu(), &self.volumes.on_device, &scene)
+            .unwrap_or_else(|e| panic!("{e}"));
         let request = StereoRequest {
             eyes: &view.eyes,
             placed: Placed::in_room(&scene.placement, on_device.grid()),
@@ -135,7 +152,7 @@ impl TestServer {
     #[must_use]
     pub fn scene(&self, scene_json: &str) -> scene::Scene {
         SceneFile::from_json(scene_json)
-            .and_then(|file| file.resolve(&self.facts))
+            .and_then(|file| file.resolve_among(&self.volumes.facts, &self.volumes.others))
             .unwrap_or_else(|e| panic!("{e}"))
     }
 

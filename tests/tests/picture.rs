@@ -2,11 +2,11 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot set itself up has failed")]
 
 use end_to_end::{
-    BEACON_IN_ROOM, CENTRE_IN_ROOM, Likeness, Planes, SIZE_PX, TestServer, Viewer, beacon, in_front,
+    BEACON_IN_ROOM, CENTRE_IN_ROOM, Likeness, Planes, SIZE_PX, TestServer, Viewer, beacon, in_front, labels,
     scene_of_mode, scene_with, settings, subject,
 };
 use headset::{DecodedFrame, HeadsetEvent};
-use reference::RaySetup;
+use reference::{RaySetup, Reference};
 use render::Quality;
 use scene::Mode;
 use server::Settings;
@@ -46,10 +46,11 @@ fn decoded(frame: &DecodedFrame) -> Planes {
 fn exact(room: &TestServer, scene_json: &str, view: &StereoView) -> Planes {
     let scene = room.scene(scene_json);
     let grid = room.volume.grid();
+    let volumes: Vec<_> = std::iter::once(&room.volume).chain(&room.others).collect();
+    let reference = Reference::of_several(&volumes, &scene).unwrap();
     let eyes = view.eyes.map(|eye| {
         let setup = RaySetup::in_room(grid, scene.placement.world_from_volume(grid).inverse(), eye);
-        let picture =
-            reference::render(&room.volume, &scene, &setup, SIZE_PX[0], SIZE_PX[1], &|_| {}).unwrap();
+        let picture = reference.picture(&setup, SIZE_PX[0], SIZE_PX[1], &|_| {}).unwrap();
         picture.over(scene.background).pixels().iter().map(|p| [p.rgba[0], p.rgba[1], p.rgba[2]]).collect()
     });
     let [left, right]: [Vec<[f64; 3]>; 2] = eyes;
@@ -79,6 +80,42 @@ async fn a_decoded_frame_is_the_picture_of_its_headers_view_in_every_mode() {
         println!("{name}: {of_own}; against the exact picture {of_exact}; with eyes changed over {swapped}");
         assert!(swapped.luma_db < ANOTHER_SCENE_DB, "the eyes see the same: {swapped}");
     }
+    viewer.leave().await;
+    room.shutdown().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_further_volume_is_shown_and_hidden_while_a_headset_watches() {
+    let of = |fields: &str| {
+        let looks = r#"{"tint": {"1": [1, 0.2, 0.2], "2": [0.2, 1, 0.3]}, "opacity": {"1": 0.01, "2": 0.2}}"#;
+        scene_with(&format!(r#""further_volumes": [{{"volume": "1", "labels": {looks}{fields}}}]"#))
+    };
+    let (shown, hidden) = (of(""), of(r#", "shown": false"#));
+    let room = TestServer::start_beside(subject(), vec![labels()], &hidden, generous());
+    let mut viewer = Viewer::join(&room, "viewer").await;
+    let mut before: Option<Planes> = None;
+    for (json, revision) in [(&hidden, 0), (&shown, 1), (&hidden, 2)] {
+        if revision > 0 {
+            assert_eq!(room.server.change_scene(json).unwrap(), revision);
+        }
+        let frame = viewer.frame_of_scene(revision, CONVERGED).await;
+        let (own, found) = (Planes::of_still(&room.still(json, &frame.received.view)), decoded(&frame));
+        let of_own = own.assert_alike(&found, STILL, "several volumes against the renderer's own picture");
+        let of_exact = exact(&room, json, &frame.received.view).assert_alike(
+            &found,
+            EXACT,
+            "several volumes against the exact picture",
+        );
+        println!("scene {revision}: {of_own}; against the exact picture {of_exact}");
+        if let Some(before) = before.replace(own) {
+            let other = before.likeness(&found);
+            assert!(other.luma_db < ANOTHER_SCENE_DB, "the labels come and go: {other}");
+        }
+    }
+    // No file is opened for a scene that names another.
+    let refused =
+        room.server.change_scene(&shown.replace(r#""1", "labels""#, r#""2", "labels""#)).unwrap_err();
+    assert!(refused.to_string().contains("'2'"), "{refused}");
     viewer.leave().await;
     room.shutdown().await;
 }
@@ -199,7 +236,7 @@ async fn a_scene_that_cannot_be_shown_leaves_the_old_one_and_is_answered_with_th
         (r#"{"window": [5, 5]}"#, &["window", "low below high"]),
         (&format!(r#"{{"transfer": {points}}}"#), &["transfer", "5", "9"]),
         (r#"{"channel": "mri"}"#, &["mri", "density"]),
-        (r#"{"volume": "other.nii"}"#, &["other.nii", "keeps its volume"]),
+        (r#"{"volume": "other.nii"}"#, &["other.nii", "keeps its first volume"]),
         ("", &["line 1 column 0"]),
     ] {
         let request = viewer.headset.change_scene(scene).unwrap();

@@ -541,10 +541,10 @@ pub(crate) struct BenchScale {
     pub(crate) json: bool,
 }
 
-/// Say what a volume is.
+/// Say what a volume is, or what volumes a scene shows and how they lie to each other.
 #[derive(Debug, Args)]
 pub(crate) struct Info {
-    /// The volume: a file, or a folder of DICOM files
+    /// The volume: a file, or a folder of DICOM files; or a scene, whose name ends in .json
     pub(crate) path: PathBuf,
     #[command(flatten)]
     pub(crate) chosen: Chosen,

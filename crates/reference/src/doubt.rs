@@ -10,7 +10,6 @@ use crate::ray::Way;
 use crate::surface;
 use crate::{Pixel, Ray, Reference};
 use scene::Mode;
-use spatial::DVec3;
 
 /// Ways in which a ray is shifted sidewards: every 45°.
 const SIDEWAYS: u32 = 8;
@@ -20,7 +19,7 @@ const SIDEWAYS: u32 = 8;
 pub struct Uncertainty {
     /// Of a point on the ray, sidewards: a part of the distance from the eye to where the ray leaves the volume.
     pub distance: f64,
-    /// Of a value, in the channel's units.
+    /// Of a value, in the channel's units; of a further volume's, the same part of its largest value.
     pub value: f64,
     /// Of the transmittance at which emission and absorption takes its depth.
     pub transmittance: f64,
@@ -126,19 +125,18 @@ impl Reference<'_> {
     /// sidewards in eight directions, with values higher and lower, and with depth at a little more and less of the light.
     #[must_use]
     pub fn answers(&self, ray: &Ray, uncertainty: &Uncertainty) -> Answers {
-        let field = self.field();
         let exact = self.pixel(ray);
         let mut others: Vec<Answer> = Vec::new();
         for shifted in self.sideways(ray, uncertainty.distance) {
             others.push(self.pixel(&shifted).into());
         }
         for offset in [uncertainty.value, -uncertainty.value] {
-            others.push(self.seen(&field.raised(offset), ray, 0.5).into());
+            others.push(self.seen_off(offset, ray, 0.5).into());
         }
         let mixes = self.scene().mode == Mode::EmissionAbsorption;
         if mixes {
             for depth_at in [0.5 + uncertainty.transmittance, 0.5 - uncertainty.transmittance] {
-                others.push(self.seen(field, ray, depth_at).into());
+                others.push(self.seen_off(0.0, ray, depth_at).into());
             }
         }
         if self.scene().mode == Mode::Maximum {
@@ -162,13 +160,11 @@ impl Reference<'_> {
         let field = self.field();
         let mm_from_index = field.mm_from_index();
         let index_from_mm = mm_from_index.inverse();
-        let dims = DVec3::from_array(field.dims().map(f64::from));
         // To the farthest corner: no less than where a ray leaves.
-        let reach_mm = (0..8)
-            .map(|i| {
-                let far = |axis: usize| if i >> axis & 1 == 1 { dims[axis] - 0.5 } else { -0.5 };
-                (mm_from_index * (DVec3::new(far(0), far(1), far(2)) - ray.origin)).length()
-            })
+        let reach_mm = self
+            .borders()
+            .into_iter()
+            .map(|corner| (mm_from_index * (corner - ray.origin)).length())
             .fold(0.0, f64::max);
         let (across, up) = (mm_from_index * ray.direction).any_orthonormal_pair();
         // Eight directions miss the steepest one by at most 22.5°: reach a little farther, to cover it.

@@ -69,7 +69,8 @@ impl Emission<'_> {
 }
 
 /// The light on the matter of one passage.
-struct Shine<'a> {
+#[derive(Clone)]
+pub(crate) struct Shine<'a> {
     light: &'a Headlight,
     /// The gradient's parts, values a millimetre.
     gradient: [Cubic; 3],
@@ -78,7 +79,7 @@ struct Shine<'a> {
 }
 
 impl<'a> Shine<'a> {
-    fn new(light: &'a Headlight, field: &Field<'_>, ray: &Ray, passage: &Passage) -> Self {
+    pub(crate) fn new(light: &'a Headlight, field: &Field<'_>, ray: &Ray, passage: &Passage) -> Self {
         let per_voxel =
             field.gradient_corners(passage.cell).map(|c| Cubic::across(&c, passage.from, passage.to));
         let combined = |weights: [f64; 3]| Cubic {
@@ -95,11 +96,11 @@ impl<'a> Shine<'a> {
     }
 
     /// Where the cosine reaches 0 and grows again: it is an absolute value.
-    fn cosine_kinks(&self, found: &mut Vec<f64>) {
+    pub(crate) fn cosine_kinks(&self, found: &mut Vec<f64>) {
         self.along.crossings(0.0, found);
     }
 
-    fn lit(&self, color: [f64; 3], u: f64) -> [f64; 3] {
+    pub(crate) fn lit(&self, color: [f64; 3], u: f64) -> [f64; 3] {
         let [x, y, z] = self.gradient.map(|g| g.at(u));
         lit(self.light, color, cosine(self.along.at(u), (x * x + y * y + z * z).sqrt()))
     }

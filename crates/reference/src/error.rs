@@ -11,6 +11,17 @@ pub enum ReferenceError {
         /// Channels there are.
         found: usize,
     },
+    /// The scene shows a volume that is not there.
+    #[error("the scene shows volume {wanted}, there are {found}")]
+    NoSuchVolume {
+        /// The volume's number, counted from 0.
+        wanted: usize,
+        /// Volumes there are.
+        found: usize,
+    },
+    /// A further volume's registration takes its grid out of what a grid may be.
+    #[error("a further volume in register with the first: {0}")]
+    Grid(#[from] volume::GridError),
     /// Samples are NaN or infinite; a loader replaces them.
     #[error("channel '{channel}' has {count} samples that are not finite: replace them first")]
     NotFinite {

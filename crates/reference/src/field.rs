@@ -45,6 +45,15 @@ impl<'a> Field<'a> {
         self.dims
     }
 
+    /// The corners of the border, voxel index.
+    pub(crate) fn border(&self) -> [DVec3; 8] {
+        let most = DVec3::from_array(self.dims.map(f64::from)) - 0.5;
+        std::array::from_fn(|i| {
+            let pick = |axis: usize| if i >> axis & 1 == 1 { most[axis] } else { -0.5 };
+            DVec3::new(pick(0), pick(1), pick(2))
+        })
+    }
+
     /// Takes index vectors to millimetres of the volume.
     #[must_use]
     pub fn mm_from_index(&self) -> DMat3 {

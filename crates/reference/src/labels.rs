@@ -1,12 +1,24 @@
 //! Labels along a ray: a voxel has one all through.
 
+use crate::beam::Matter;
 use crate::emission::{cosine, lit};
+use crate::ray::Way;
 use crate::{Field, Pixel, Ray};
 use scene::{Headlight, LabelLooks};
 use spatial::DVec3;
 
-/// Emission and absorption of labels: the way is cut at the faces between voxels, and what it gathers in each has a
-/// closed form. A run of one label is lit as where the ray enters it.
+/// More than half a difference of shares can be off by: each is a sum of eight products. Where a label is all around, as
+/// at the border of its volume, this is all that is left of them, and has a direction all the same.
+const SHARE_ROUNDING: f64 = 1.0e-14;
+
+/// A stretch of a ray in a voxel whose label is seen.
+pub(crate) struct Voxel {
+    pub(crate) way: Way,
+    /// What its label does to light, lit.
+    pub(crate) matter: Matter,
+}
+
+/// Emission and absorption of labels: what a ray gathers in each voxel has a closed form.
 pub(crate) fn pixel(
     field: &Field<'_>,
     looks: &LabelLooks,
@@ -14,7 +26,34 @@ pub(crate) fn pixel(
     depth_at: f64,
     ray: &Ray,
 ) -> Pixel {
-    let Some(way) = ray.inside(field.dims()) else { return Pixel::NOTHING };
+    let sought_depth = -depth_at.ln();
+    let (mut color, mut optical_depth, mut depth_mm) = ([0.0; 3], 0.0f64, None);
+    for Voxel { way, matter } in voxels(field, looks, light, ray) {
+        let passed = matter.extinction_per_mm * way.length_mm();
+        let missing = sought_depth - optical_depth;
+        if missing > 0.0 && missing <= passed {
+            depth_mm = Some(way.from_mm + missing / matter.extinction_per_mm);
+        }
+        let weight = (-optical_depth).exp() * -(-passed).exp_m1();
+        for (sum, c) in color.iter_mut().zip(matter.color) {
+            *sum += weight * c;
+        }
+        optical_depth += passed;
+    }
+    let [r, g, b] = color;
+    Pixel { rgba: [r, g, b, -(-optical_depth).exp_m1()], depth_mm }
+}
+
+/// Where labels are seen along a ray, in order: the way is cut at the faces between voxels. A run of one label is lit as
+/// where the ray enters it.
+pub(crate) fn voxels(
+    field: &Field<'_>,
+    looks: &LabelLooks,
+    light: Option<&Headlight>,
+    ray: &Ray,
+) -> Vec<Voxel> {
+    let mut found = Vec::new();
+    let Some(way) = ray.inside(field.dims()) else { return found };
     let mut ends = Vec::new();
     for axis in 0..3 {
         let (origin, direction) = (ray.origin[axis], ray.direction[axis]);
@@ -25,8 +64,6 @@ pub(crate) fn pixel(
     }
     ends.push(way.to_mm);
     ends.sort_by(f64::total_cmp);
-    let sought_depth = -depth_at.ln();
-    let (mut color, mut optical_depth, mut depth_mm) = ([0.0; 3], 0.0f64, None);
     let mut run: Option<(i64, [f64; 3])> = None;
     let mut from_mm = way.from_mm;
     for to_mm in ends {
@@ -40,30 +77,20 @@ pub(crate) fn pixel(
         let look = looks.at(label);
         let extinction_per_mm = look.extinction_per_mm();
         if extinction_per_mm > 0.0 {
-            let lit_color = match run {
+            let color = match run {
                 Some((same, color)) if same == label => color,
                 _ => light.map_or(look.color, |light| {
                     lit(light, look.color, cosine_at(field, ray, from_mm, label))
                 }),
             };
-            run = Some((label, lit_color));
-            let passed = extinction_per_mm * length_mm;
-            let missing = sought_depth - optical_depth;
-            if missing > 0.0 && missing <= passed {
-                depth_mm = Some(from_mm + missing / extinction_per_mm);
-            }
-            let weight = (-optical_depth).exp() * -(-passed).exp_m1();
-            for (sum, c) in color.iter_mut().zip(lit_color) {
-                *sum += weight * c;
-            }
-            optical_depth += passed;
+            run = Some((label, color));
+            found.push(Voxel { way: Way { from_mm, to_mm }, matter: Matter { color, extinction_per_mm } });
         } else {
             run = None;
         }
         from_mm = to_mm;
     }
-    let [r, g, b] = color;
-    Pixel { rgba: [r, g, b, -(-optical_depth).exp_m1()], depth_mm }
+    found
 }
 
 /// The cosine between the ray and the gradient of a label's share at a distance.
@@ -71,6 +98,9 @@ fn cosine_at(field: &Field<'_>, ray: &Ray, distance_mm: f64, label: i64) -> f64 
     let at = ray.at(distance_mm);
     let along = |axis: DVec3| (share(field, at + axis, label) - share(field, at - axis, label)) / 2.0;
     let per_voxel = DVec3::new(along(DVec3::X), along(DVec3::Y), along(DVec3::Z));
+    if per_voxel.abs().max_element() < SHARE_ROUNDING {
+        return 0.0;
+    }
     cosine(per_voxel.dot(ray.direction), field.per_mm(per_voxel).length())
 }
 

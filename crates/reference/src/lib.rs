@@ -19,6 +19,7 @@ mod polynomial;
 mod quadrature;
 mod ray;
 mod reference;
+mod several;
 mod ssim;
 mod surface;
 mod transfer;

@@ -1,13 +1,15 @@
 //! The exact picture of a scene.
 
 use crate::emission::{Emission, lit};
+use crate::several::{self, Part, Shown, channel_of};
 use crate::transfer::Stretches;
 use crate::{Field, Picture, Pixel, Ray, RaySetup, ReferenceError};
 use crate::{labels, surface};
 use rayon::prelude::*;
 use scene::{Mode, Scene};
+use spatial::DVec3;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use volume::{ChannelKind, Volume};
+use volume::Volume;
 
 /// How much of a picture is done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,12 +20,14 @@ pub struct Progress {
     pub rows: usize,
 }
 
-/// The exact picture of one scene of one volume, as `docs/picture.md` defines it.
+/// The exact picture of one scene of one volume or several, as `docs/picture.md` defines it.
 #[derive(Clone, Debug)]
 pub struct Reference<'a> {
     field: Field<'a>,
     scene: &'a Scene,
     transfer: Stretches,
+    /// What is shown beside the first volume.
+    parts: Vec<Part<'a>>,
 }
 
 impl<'a> Reference<'a> {
@@ -33,25 +37,28 @@ impl<'a> Reference<'a> {
     /// If the volume has no such channel, samples of it are not finite, or it holds labels and the scene shows none
     /// (or the other way round).
     pub fn new(volume: &'a Volume, scene: &'a Scene) -> Result<Self, ReferenceError> {
-        let channels = volume.channels();
-        let channel = channels
-            .get(scene.channel)
-            .ok_or(ReferenceError::NoSuchChannel { wanted: scene.channel, found: channels.len() })?;
-        let count = (0..channel.voxels.len()).filter(|&at| !channel.value(at).is_finite()).count();
-        if count > 0 {
-            return Err(ReferenceError::NotFinite { channel: channel.name.clone(), count });
-        }
-        if scene.labels.is_some() != (channel.kind == ChannelKind::Label) {
-            return Err(ReferenceError::Kind { channel: channel.name.clone() });
-        }
+        Self::of_several(&[volume], scene)
+    }
+
+    /// Takes a scene of several volumes, in the order in which the scene counts them; looks at every sample of the channels
+    /// that are shown.
+    ///
+    /// # Errors
+    /// If a volume is not there or has no such channel, samples are not finite, a channel holds labels and the scene shows
+    /// none (or the other way round), or a registration leaves no grid.
+    pub fn of_several(volumes: &[&'a Volume], scene: &'a Scene) -> Result<Self, ReferenceError> {
+        let volume = volumes.first().ok_or(ReferenceError::NoSuchVolume { wanted: 0, found: 0 })?;
+        let field = Field::new(channel_of(volume, scene.channel, scene.labels.is_some())?, volume.grid());
+        let parts = scene.further.iter().map(|further| Part::new(volumes, &field, further));
         Ok(Self {
-            field: Field::new(channel, volume.grid()),
+            parts: parts.collect::<Result<_, _>>()?,
+            field,
             scene,
             transfer: Stretches::of(&scene.transfer),
         })
     }
 
-    /// The field that is shown.
+    /// The field of the first volume.
     #[must_use]
     pub fn field(&self) -> &Field<'a> {
         &self.field
@@ -67,7 +74,7 @@ impl<'a> Reference<'a> {
     /// and all depths, are exact to rounding.
     #[must_use]
     pub fn pixel(&self, ray: &Ray) -> Pixel {
-        self.seen(&self.field, ray, 0.5)
+        self.seen(&self.field, &self.parts, ray, 0.5)
     }
 
     /// The whole picture, on all cores. `progress` is called from any of them after each row.
@@ -99,15 +106,31 @@ impl<'a> Reference<'a> {
         Picture::new(width, height, pixels)
     }
 
-    /// What a ray sees of a field; in mode emission-absorption the depth is where `depth_at` of the light is left.
-    pub(crate) fn seen(&self, field: &Field<'_>, ray: &Ray, depth_at: f64) -> Pixel {
-        if let Some(looks) = &self.scene.labels {
-            return labels::pixel(field, looks, self.scene.light.as_ref(), depth_at, ray);
-        }
+    /// What a ray sees if every value is higher by `offset`, in the units of the first volume, and the depth is where
+    /// `depth_at` of the light is left in mode emission-absorption.
+    pub(crate) fn seen_off(&self, offset: f64, ray: &Ray, depth_at: f64) -> Pixel {
+        let parts: Vec<_> = self.parts.iter().map(|part| part.raised(offset)).collect();
+        self.seen(&self.field.raised(offset), &parts, ray, depth_at)
+    }
+
+    /// The corners of all volumes' borders, as index of the first.
+    pub(crate) fn borders(&self) -> Vec<DVec3> {
+        let of_parts = self.parts.iter().flat_map(Part::corners_in_first_index);
+        self.field.border().into_iter().chain(of_parts).collect()
+    }
+
+    fn seen(&self, field: &Field<'_>, parts: &[Part<'_>], ray: &Ray, depth_at: f64) -> Pixel {
         match self.scene.mode {
             Mode::EmissionAbsorption => {
-                let light = self.scene.light.as_ref();
-                Emission { transfer: &self.transfer, light, depth_at }.pixel(field, ray)
+                let (transfer, light) = (&self.transfer, self.scene.light.as_ref());
+                match &self.scene.labels {
+                    labels if !parts.is_empty() => {
+                        let first = Shown { field, transfer, labels: labels.as_ref(), light };
+                        several::pixel(first, parts, ray, depth_at)
+                    }
+                    Some(looks) => labels::pixel(field, looks, light, depth_at, ray),
+                    None => Emission { transfer, light, depth_at }.pixel(field, ray),
+                }
             }
             Mode::Threshold => self.surface(field, ray).unwrap_or(Pixel::NOTHING),
             Mode::XRay => self.x_ray(field, ray).unwrap_or(Pixel::NOTHING),

@@ -113,6 +113,25 @@ pub enum RenderError {
         /// Slots there are.
         slots: usize,
     },
+    /// The scene shows a volume that is not on the device.
+    #[error("volume {volume} is not on the device, which holds {volumes}")]
+    NoSuchVolume {
+        /// The volume asked for, from 0.
+        volume: usize,
+        /// Volumes there are.
+        volumes: usize,
+    },
+    /// The scene shows more volumes than the shaders take.
+    #[error("the scene shows {found} volumes, at most {max} are drawn together")]
+    TooManyVolumes {
+        /// Volumes that are shown.
+        found: usize,
+        /// Volumes that can be.
+        max: usize,
+    },
+    /// A further volume's registration takes its grid out of what a grid may be.
+    #[error("a further volume in register with the first: {0}")]
+    Grid(#[from] volume::GridError),
     /// The scene shows a channel that is not on the device.
     #[error("channel {channel} is not on the device, which holds {channels}")]
     NoSuchChannel {

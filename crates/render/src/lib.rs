@@ -20,6 +20,7 @@ mod pipelines;
 mod plan;
 mod quality;
 mod scene_on_device;
+mod several;
 mod shaders;
 mod still;
 mod table;

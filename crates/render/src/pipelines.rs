@@ -1,10 +1,11 @@
 //! Pipelines, made for exactly what a scene uses.
 
 use crate::scene_on_device::SceneNumbers;
-use crate::shaders;
+use crate::several::{self, SeveralPipelines};
+use crate::shaders::{self, PartKind};
 use crate::table::ENTRIES;
 use crate::{Quality, Sampling};
-use scene::Mode;
+use scene::{MOST_VOLUMES, Mode};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -32,12 +33,24 @@ pub(crate) struct Features {
     pub(crate) bare: bool,
     /// Whether the ray-caster is made of a text from which all that is not used is cut out.
     pub(crate) cut: bool,
+    /// What each volume is, where there is more to show than the first alone.
+    pub(crate) parts: [Option<PartKind>; MOST_VOLUMES],
 }
 
 impl Features {
     /// What a scene uses at a quality.
     pub(crate) fn of(numbers: &SceneNumbers, quality: &Quality) -> Self {
         let shows_surfaces = matches!(numbers.mode, Mode::Threshold | Mode::Maximum | Mode::Cumulated);
+        if let Some(together) = &numbers.together {
+            // What is skipped and of which kind is said of each volume.
+            return Self {
+                lit: together.kinds.iter().flatten().any(|kind| kind.lit),
+                exact_filter: quality.sampling == Sampling::Float32,
+                cells: quality.sampling == Sampling::Cells,
+                parts: together.kinds,
+                ..Self::NONE
+            };
+        }
         Self {
             mode: numbers.mode,
             lit: numbers.lit && numbers.mode == Mode::EmissionAbsorption,
@@ -46,25 +59,32 @@ impl Features {
             cells: !numbers.labels
                 && (quality.sampling == Sampling::Cells || (quality.solves_surfaces && shows_surfaces)),
             labels: numbers.labels,
-            count: false,
-            bare: false,
-            cut: false,
+            ..Self::NONE
         }
     }
 
+    /// Nothing that could be left out.
+    const NONE: Self = Self {
+        mode: Mode::EmissionAbsorption,
+        lit: false,
+        skip: false,
+        exact_filter: false,
+        cells: false,
+        labels: false,
+        count: false,
+        bare: false,
+        cut: false,
+        parts: [None; MOST_VOLUMES],
+    };
+
     /// Reads along whole rays, with the device's own filter.
     pub(crate) fn bare() -> Self {
-        Self {
-            mode: Mode::XRay,
-            lit: false,
-            skip: false,
-            exact_filter: false,
-            cells: false,
-            labels: false,
-            count: false,
-            bare: true,
-            cut: false,
-        }
+        Self { mode: Mode::XRay, bare: true, ..Self::NONE }
+    }
+
+    /// Layers of masks for each eye: one for each of several volumes, or one.
+    pub(crate) fn mask_layers(self) -> u32 {
+        self.parts.iter().flatten().count().max(1) as u32
     }
 
     /// Whether a tile's rays share what they skip; the maximum skips by what each ray has found so far.
@@ -111,26 +131,12 @@ pub(crate) struct Pipelines {
     tiles_module: wgpu::ShaderModule,
     tiles_pipeline_layout: wgpu::PipelineLayout,
     raycast: Mutex<HashMap<Features, Arc<RaycastPipelines>>>,
+    several: several::Lazily,
 }
 
 impl Pipelines {
     pub(crate) fn new(device: &wgpu::Device) -> Self {
-        let layout = |label: &str, entries: &[wgpu::BindingType]| {
-            let entries: Vec<_> = entries
-                .iter()
-                .enumerate()
-                .map(|(binding, &ty)| wgpu::BindGroupLayoutEntry {
-                    binding: binding as u32,
-                    visibility: wgpu::ShaderStages::COMPUTE,
-                    ty,
-                    count: None,
-                })
-                .collect();
-            device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-                label: Some(label),
-                entries: &entries,
-            })
-        };
+        let layout = |label: &str, entries: &[wgpu::BindingType]| layout_of(device, label, entries);
         let buffer = |ty| wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
         let uniform = buffer(wgpu::BufferBindingType::Uniform);
         let read = buffer(wgpu::BufferBindingType::Storage { read_only: true });
@@ -197,6 +203,7 @@ impl Pipelines {
             tiles_module: module("tiles", shaders::TILES),
             tiles_pipeline_layout,
             raycast: Mutex::new(HashMap::new()),
+            several: several::Lazily::new(),
             frame_layout,
             volume_layout,
             scene_layout,
@@ -207,6 +214,12 @@ impl Pipelines {
         }
     }
 
+    /// What ray-casts of several volumes share; made at its first use.
+    pub(crate) fn several(&self, device: &wgpu::Device) -> &SeveralPipelines {
+        let (frame, tiles, picture) = (&self.frame_layout, &self.tiles_layout, &self.picture_layout);
+        self.several.get_or_init(|| SeveralPipelines::new(device, frame, tiles, picture))
+    }
+
     /// The ray-caster for a combination of features; compiled at its first use.
     pub(crate) fn raycast(&self, device: &wgpu::Device, features: Features) -> Arc<RaycastPipelines> {
         // A panic elsewhere cannot leave a map of finished pipelines in a bad state.
@@ -215,6 +228,10 @@ impl Pipelines {
             return found.clone();
         }
         // Compiled outside the lock: another thread that has its pipeline does not wait for this one.
+        if features.parts[0].is_some() {
+            let made = Arc::new(self.several(device).compile(device, features));
+            return lock().entry(features).or_insert(made).clone();
+        }
         let flag = |on: bool| if on { 1.0 } else { 0.0 };
         let constants = [
             ("MODE", features.mode_number()),
@@ -248,7 +265,27 @@ impl Pipelines {
     }
 }
 
-fn make(
+/// A group of bindings, numbered as they come.
+pub(crate) fn layout_of(
+    device: &wgpu::Device,
+    label: &str,
+    entries: &[wgpu::BindingType],
+) -> wgpu::BindGroupLayout {
+    let entries: Vec<_> = entries
+        .iter()
+        .enumerate()
+        .map(|(binding, &ty)| wgpu::BindGroupLayoutEntry {
+            binding: binding as u32,
+            visibility: wgpu::ShaderStages::COMPUTE,
+            ty,
+            count: None,
+        })
+        .collect();
+    device
+        .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
+}
+
+pub(crate) fn make(
     device: &wgpu::Device,
     module: &wgpu::ShaderModule,
     layout: &wgpu::PipelineLayout,

@@ -4,6 +4,7 @@ use crate::Quality;
 use crate::layout::{GpuEye, GpuFrame};
 use crate::pipelines::Features;
 use crate::scene_on_device::SceneNumbers;
+use crate::several::corners;
 use spatial::{DAffine3, DMat3, DQuat, DVec3, EyeView, Fov, FovError};
 use volume::Grid;
 
@@ -151,9 +152,10 @@ impl StereoPlan {
         }
         check_quality(quality)?;
         check_eyes(eyes, placed)?;
-        let step_mm =
-            request.step_mm.unwrap_or_else(|| quality.step_voxels * grid.spacing_mm().min_element());
-        let way_mm = grid.size_mm().length();
+        let together = numbers.together.as_ref();
+        let finest_mm = together.map_or(grid.spacing_mm().min_element(), |together| together.finest_mm);
+        let step_mm = request.step_mm.unwrap_or(quality.step_voxels * finest_mm);
+        let way_mm = together.map_or_else(|| grid.size_mm().length(), |together| together.longest_mm);
         let samples = way_mm / step_mm;
         // Without steps, a step has only to be one.
         let most = numbers.most_samples;
@@ -186,9 +188,7 @@ impl StereoPlan {
             room_mm_per_volume_mm: placed.room_mm_per_volume_mm as f32,
             depth_columns: depth_grid.columns,
             depth_rows: depth_grid.rows,
-            light_span: (quality.light_span_voxels * grid.spacing_mm().min_element() / step_mm)
-                .floor()
-                .max(1.0) as f32,
+            light_span: (quality.light_span_voxels * finest_mm / step_mm).floor().max(1.0) as f32,
             skip_empty: u32::from(quality.skip_empty),
             part: (1.0 / f64::from(quality.refined_parts)) as f32,
             little: if quality.refined_parts > 1 { quality.refined_above as f32 } else { 1.0 },
@@ -198,7 +198,10 @@ impl StereoPlan {
         let centre_in_index = (DVec3::from_array(dims.map(f64::from)) - 1.0) / 2.0;
         for (slot, eye) in frame.eyes.iter_mut().zip(eyes.iter()) {
             *slot = gpu_eye(eye, &placed.index_from_world, &mm_from_index, centre_in_index);
-            [slot.near, slot.far] = depths(eye, &placed.index_from_world, dims);
+            [slot.near, slot.far] = match together {
+                Some(together) => depths(eye, &placed.index_from_world, together.corners_in_index()),
+                None => depths(eye, &placed.index_from_world, corners(&grid.index_from_texture())),
+            };
         }
         Ok(Self {
             frame,
@@ -376,15 +379,18 @@ fn gpu_eye(
     }
 }
 
-/// Nearest and farthest depth of a volume before an eye: along the eye's axis, in the world's unit, none behind it.
-fn depths(eye: &EyeView, index_from_world: &DAffine3, dims: [u32; 3]) -> [f32; 2] {
+/// Nearest and farthest depth of volumes before an eye, from the corners of their borders: along the eye's axis, in the
+/// world's unit, none behind it.
+fn depths(
+    eye: &EyeView,
+    index_from_world: &DAffine3,
+    corners_in_index: impl IntoIterator<Item = DVec3>,
+) -> [f32; 2] {
     let world_from_index = index_from_world.inverse();
     let pose = &eye.world_from_eye;
-    let most = DVec3::from_array(dims.map(f64::from)) - 0.5;
     let (mut near, mut far) = (f64::INFINITY, 0.0f64);
-    for corner in 0..8 {
-        let pick = |axis: usize| if corner >> axis & 1 == 1 { most[axis] } else { -0.5 };
-        let corner_in_world = world_from_index.transform_point3(DVec3::new(pick(0), pick(1), pick(2)));
+    for corner in corners_in_index {
+        let corner_in_world = world_from_index.transform_point3(corner);
         let depth = -(pose.orientation.conjugate() * (corner_in_world - pose.position_m)).z;
         (near, far) = (near.min(depth), far.max(depth));
     }
@@ -407,6 +413,7 @@ mod tests {
             has_empty_cells: true,
             most_samples: 60_000,
             frame: GpuFrame::default(),
+            together: None,
         }
     }
 

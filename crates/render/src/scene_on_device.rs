@@ -3,11 +3,12 @@
 use crate::error::RenderError;
 use crate::gpu::Gpu;
 use crate::labels::{SeenLabels, looks_on_device};
-use crate::layout::GpuFrame;
+use crate::layout::{GpuFrame, GpuStretch};
+use crate::several::{Several, Together};
 use crate::table::{
     SeenValues, TABLE_WIDTH, TableDomain, extinction_table, optical_table, stretches, table_texture,
 };
-use crate::volume_on_device::SharedVolume;
+use crate::volume_on_device::{ChannelOnDevice, SharedVolume};
 use crate::{DepthGridSize, FrameRenderer, Placed, Quality, StereoPlan, StereoRequest};
 use scene::{Mode, Scene};
 use spatial::{EyeView, Fov, Pose};
@@ -30,6 +31,8 @@ pub struct SceneNumbers {
     /// Most samples along a ray that the device can take.
     pub(crate) most_samples: u32,
     pub(crate) frame: GpuFrame,
+    /// Where the volumes lie, if there is more to show than the first alone.
+    pub(crate) together: Option<Together>,
 }
 
 /// A scene on the device. Made beside the frame loop, then handed to it whole: the old picture goes on meanwhile.
@@ -47,6 +50,7 @@ pub struct SceneOnDevice {
     table_sampler: wgpu::Sampler,
     extinction: wgpu::Buffer,
     stretches: wgpu::Buffer,
+    several: Option<Several>,
     bind_groups: Mutex<HashMap<[u64; 2], Arc<wgpu::BindGroup>>>,
 }
 
@@ -54,21 +58,23 @@ impl SceneOnDevice {
     /// Works a scene out for a volume: the cells that can be seen and their distances. No voxel is read.
     ///
     /// # Errors
-    /// If the volume has no such channel, or the device has no room.
+    /// If the volume has no such channel, the scene shows another volume too, or the device has no room.
     pub fn new(gpu: &Arc<Gpu>, volume: &SharedVolume, scene: &Scene) -> Result<Self, RenderError> {
+        Self::of_several(gpu, std::slice::from_ref(volume), scene)
+    }
+
+    /// The same for a scene of several volumes, in the order in which the scene counts them.
+    ///
+    /// # Errors
+    /// If a volume is not there or has no such channel, a registration leaves no grid, or the device has no room.
+    pub fn of_several(gpu: &Arc<Gpu>, volumes: &[SharedVolume], scene: &Scene) -> Result<Self, RenderError> {
+        let volume = volumes.first().ok_or(RenderError::NoSuchVolume { volume: 0, volumes: 0 })?;
         let channels = volume.channels.len();
         let channel = volume
             .channels
             .get(scene.channel)
             .ok_or(RenderError::NoSuchChannel { channel: scene.channel, channels })?;
-        let looks = match (&scene.labels, &channel.labels) {
-            (Some(looks), Some(numbers)) => Some(looks_on_device(numbers, looks)),
-            (None, None) => None,
-            (_, labels) => {
-                let (channel, labels) = (channel.name.clone(), labels.is_some());
-                return Err(RenderError::Kind { channel, labels });
-            }
-        };
+        let looks = looks_of(channel, scene)?;
         let data = channel.cells.whole();
         let domain = TableDomain::of(scene, data);
         // Any step shows the same values; only the opacity of a step differs.
@@ -131,7 +137,9 @@ impl SceneOnDevice {
             stored: channel.stored.map(|x| x as f32),
             ..frame_numbers(scene, domain, channel.value_scale, channel.value_offset)
         };
+        let several = Several::of(gpu, volumes, scene)?;
         let numbers = SceneNumbers {
+            together: several.as_ref().map(|several| several.together),
             mode: scene.mode,
             lit: scene.light.is_some(),
             labels: scene.labels.is_some(),
@@ -151,6 +159,7 @@ impl SceneOnDevice {
             table_sampler: gpu.linear_sampler(),
             extinction,
             stretches,
+            several,
             bind_groups: Mutex::default(),
         })
     }
@@ -208,6 +217,11 @@ impl SceneOnDevice {
         Ok(())
     }
 
+    /// What several volumes need, if there is more to show than the first alone.
+    pub(crate) fn several(&self) -> Option<&Several> {
+        self.several.as_ref()
+    }
+
     pub(crate) fn volume_group(&self) -> &wgpu::BindGroup {
         &self.volume.channels[self.scene.channel].bind_group
     }
@@ -253,6 +267,18 @@ impl SceneOnDevice {
         }));
         kept.insert(key, group.clone());
         Ok(group)
+    }
+}
+
+/// What each label of a channel does to light; `None` where it holds measured values.
+pub(crate) fn looks_of(
+    channel: &ChannelOnDevice,
+    scene: &Scene,
+) -> Result<Option<Vec<GpuStretch>>, RenderError> {
+    match (&scene.labels, &channel.labels) {
+        (Some(looks), Some(numbers)) => Ok(Some(looks_on_device(numbers, looks))),
+        (None, None) => Ok(None),
+        (_, labels) => Err(RenderError::Kind { channel: channel.name.clone(), labels: labels.is_some() }),
     }
 }
 

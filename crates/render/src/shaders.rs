@@ -1,5 +1,7 @@
 //! The shaders' text. Shared parts come first; one module a pass.
 
+use scene::MOST_VOLUMES;
+
 /// Find which tiles of rays may see something, and where.
 pub(crate) const TILES: &str = concat!(
     include_str!("../../../shaders/common/frame.wgsl"),
@@ -14,11 +16,101 @@ pub(crate) const RAYCAST: &str = concat!(
     include_str!("../../../shaders/common/frame.wgsl"),
     include_str!("../../../shaders/common/tiles.wgsl"),
     include_str!("../../../shaders/common/field.wgsl"),
+    include_str!("../../../shaders/common/cubic.wgsl"),
     include_str!("../../../shaders/raycast.wgsl"),
     include_str!("../../../shaders/exact.wgsl"),
     include_str!("../../../shaders/labels.wgsl"),
     include_str!("../../../shaders/bare.wgsl"),
 );
+
+/// What [`several_tiles`] is made of.
+const SEVERAL_TILES: &str = concat!(
+    include_str!("../../../shaders/common/frame.wgsl"),
+    include_str!("../../../shaders/common/tiles.wgsl"),
+    include_str!("../../../shaders/common/several.wgsl"),
+    include_str!("../../../shaders/several_tiles.wgsl"),
+);
+
+/// What [`several`] is made of.
+const SEVERAL: &str = concat!(
+    include_str!("../../../shaders/common/frame.wgsl"),
+    include_str!("../../../shaders/common/tiles.wgsl"),
+    include_str!("../../../shaders/common/cubic.wgsl"),
+    include_str!("../../../shaders/common/several.wgsl"),
+    include_str!("../../../shaders/several.wgsl"),
+    include_str!("../../../shaders/several_exact.wgsl"),
+);
+
+/// What one of several volumes is to the ray-caster.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct PartKind {
+    /// Whether its voxels hold labels.
+    pub(crate) labels: bool,
+    /// Whether it is lit.
+    pub(crate) lit: bool,
+}
+
+/// As [`TILES`], for so many volumes.
+pub(crate) fn several_tiles(count: usize) -> String {
+    let all: Vec<usize> = (0..count).collect();
+    format!("const PARTS: u32 = {count}u;\n{}", each(SEVERAL_TILES, "#each", "#end", &copies(&all)))
+}
+
+/// As [`RAYCAST`], for volumes of these kinds: in steps (`several`), or without (`several_exact`).
+pub(crate) fn several(kinds: &[PartKind]) -> String {
+    let all: Vec<usize> = (0..kinds.len()).collect();
+    // The sets of volumes that a stretch of a ray may show: those in between are no faster than all.
+    let mut sets: Vec<(String, Vec<usize>)> =
+        all.iter().map(|&part| (part.to_string(), vec![part])).collect();
+    sets.push(("all".into(), all.clone()));
+    let set = |body: &str| {
+        let of = |(name, parts): &(String, Vec<usize>)| {
+            each(body, "#each", "#end", &copies(parts)).replace('%', name)
+        };
+        sets.iter().map(of).collect::<String>()
+    };
+    let text = each(SEVERAL, "#sets", "#end_sets", &set);
+    let text = each(&text, "#each", "#end", &copies(&all));
+    let shaded = |kind: &PartKind| kind.lit && !kind.labels;
+    let flags = kinds.iter().enumerate().flat_map(|(part, kind)| {
+        [("LABELS", kind.labels), ("LIT", kind.lit), ("SHADED", shaded(kind))]
+            .map(|(name, on)| (format!("{name}_{part}"), f64::from(u8::from(on))))
+    });
+    let flags: Vec<(String, f64)> = flags.collect();
+    let constants: Vec<(&str, f64)> = flags.iter().map(|(name, on)| (name.as_str(), *on)).collect();
+    let any_shaded = kinds.iter().any(shaded);
+    let head = format!("const PARTS: u32 = {}u;\nconst SHADED: bool = {any_shaded};\n", kinds.len());
+    head + &cut(&text, &constants)
+}
+
+/// A text with what stands between lines `open` and `close` as `made` makes it.
+fn each(text: &str, open: &str, close: &str, made: &dyn Fn(&str) -> String) -> String {
+    let (mut out, mut body) = (String::new(), None::<String>);
+    for line in text.split_inclusive('\n') {
+        match (line.trim() == open, line.trim() == close, &mut body) {
+            (true, _, None) => body = Some(String::new()),
+            (_, true, Some(inside)) => {
+                out += &made(inside);
+                body = None;
+            }
+            (_, _, Some(inside)) => inside.push_str(line),
+            _ => out += line,
+        }
+    }
+    out
+}
+
+/// A copy for each part, with its number, and with the bindings of its voxels and its table.
+fn copies(parts: &[usize]) -> impl Fn(&str) -> String {
+    let parts = parts.to_vec();
+    move |body| {
+        let copy = |part: &usize| {
+            let numbered = body.replace("$VOXELS", &(1 + part).to_string());
+            numbered.replace("$TABLE", &(MOST_VOLUMES + part).to_string()).replace('$', &part.to_string())
+        };
+        parts.iter().map(copy).collect()
+    }
+}
 
 /// Convert the picture to YUV 4:2:0.
 pub(crate) const CONVERT: &str = concat!(
@@ -131,6 +223,46 @@ mod tests {
         }
     }
 
+    const ALL: [(&str, &str); 4] =
+        [("tiles", TILES), ("raycast", RAYCAST), ("convert", CONVERT), ("depth", DEPTH)];
+
+    /// All kinds that a volume may be of.
+    const KINDS: [PartKind; 4] = [
+        PartKind { labels: false, lit: false },
+        PartKind { labels: false, lit: true },
+        PartKind { labels: true, lit: false },
+        PartKind { labels: true, lit: true },
+    ];
+
+    #[test]
+    fn what_is_for_each_volume_comes_once_for_each() {
+        let text = "a\n#each\nb_$ $VOXELS $TABLE\n#end\nc\n";
+        assert_eq!(each(text, "#each", "#end", &copies(&[0, 2])), "a\nb_0 1 4\nb_2 3 6\nc\n");
+    }
+
+    #[test]
+    fn every_shader_of_several_volumes_is_valid_and_knows_of_no_more_than_there_are() {
+        for count in 1..=MOST_VOLUMES {
+            validate(&format!("tiles of {count}"), &several_tiles(count));
+            for first in 0..KINDS.len() {
+                // Every kind at every place, beside others.
+                let kinds: Vec<PartKind> = (0..count).map(|i| KINDS[(first + i * 3) % KINDS.len()]).collect();
+                let text = several(&kinds);
+                validate(&format!("{kinds:?}"), &text);
+                assert!(!text.contains(&format!("voxels_{count}")) && !text.contains("if (L"), "{kinds:?}");
+                let code = text.lines().filter(|line| !line.trim_start().starts_with("//"));
+                assert!(code.clone().all(|line| !line.contains(['$', '#'])), "{kinds:?}");
+                for (part, kind) in kinds.iter().enumerate() {
+                    // What a volume does not need is not called.
+                    let calls = |name: &str| text.matches(&format!("{name}_{part}(")).count() > 1;
+                    assert_eq!(calls("light"), kind.lit && !kind.labels, "{kinds:?}, {part}");
+                    assert_eq!(calls("light_run"), kind.lit && kind.labels, "{kinds:?}, {part}");
+                    assert!(calls("march"), "{kinds:?}, {part}");
+                }
+            }
+        }
+    }
+
     fn validate(name: &str, text: &str) {
         let module = naga::front::wgsl::parse_str(text)
             .unwrap_or_else(|e| panic!("{name}: {}", e.emit_to_string(text)));
@@ -141,7 +273,7 @@ mod tests {
 
     #[test]
     fn every_shader_is_valid_without_optional_features() {
-        for (name, text) in [("tiles", TILES), ("raycast", RAYCAST), ("convert", CONVERT), ("depth", DEPTH)] {
+        for (name, text) in ALL {
             validate(name, text);
         }
     }
@@ -149,7 +281,7 @@ mod tests {
     #[test]
     fn every_shader_file_is_used() {
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shaders");
-        let all = [TILES, RAYCAST, CONVERT, DEPTH].concat();
+        let all = ALL.map(|(_, text)| text).concat() + SEVERAL + SEVERAL_TILES;
         let mut folders = vec![std::path::PathBuf::from(folder)];
         while let Some(folder) = folders.pop() {
             for entry in std::fs::read_dir(folder).unwrap() {

@@ -16,6 +16,7 @@ const WORK_HEAD_BYTES: u64 = 16;
 pub(crate) struct Targets {
     pub(crate) picture: wgpu::Texture,
     pub(crate) depth: wgpu::Texture,
+    masks: wgpu::Texture,
     pub(crate) planes: wgpu::Buffer,
     pub(crate) depth_grid: wgpu::Buffer,
     /// Workgroups to cast, as an indirect dispatch takes them, the number of tiles, and the tiles.
@@ -31,6 +32,7 @@ pub(crate) struct Targets {
 struct Needs {
     size_px: [u32; 2],
     eyes: u32,
+    mask_layers: u32,
     planes_bytes: u64,
     depth_grid_bytes: u64,
 }
@@ -40,6 +42,7 @@ impl Needs {
         Self {
             size_px: plan.render_size_px(),
             eyes: plan.eye_count(),
+            mask_layers: plan.eye_count() * plan.features.mask_layers(),
             planes_bytes: plan.planes_bytes() as u64,
             depth_grid_bytes: plan.depth_grid_bytes() as u64,
         }
@@ -49,6 +52,7 @@ impl Needs {
         Self {
             size_px: std::array::from_fn(|i| self.size_px[i].max(other.size_px[i])),
             eyes: self.eyes.max(other.eyes),
+            mask_layers: self.mask_layers.max(other.mask_layers),
             planes_bytes: self.planes_bytes.max(other.planes_bytes),
             depth_grid_bytes: self.depth_grid_bytes.max(other.depth_grid_bytes),
         }
@@ -60,6 +64,7 @@ impl Targets {
         Needs {
             size_px: [self.picture.width(), self.picture.height()],
             eyes: self.picture.depth_or_array_layers(),
+            mask_layers: self.masks.depth_or_array_layers(),
             planes_bytes: self.planes.size(),
             depth_grid_bytes: self.depth_grid.size(),
         }
@@ -71,6 +76,7 @@ impl Targets {
         holds.size_px[0] >= needs.size_px[0]
             && holds.size_px[1] >= needs.size_px[1]
             && holds.eyes >= needs.eyes
+            && holds.mask_layers >= needs.mask_layers
             && holds.planes_bytes >= needs.planes_bytes
             && holds.depth_grid_bytes >= needs.depth_grid_bytes
     }
@@ -86,7 +92,7 @@ impl Targets {
         let depth = layers(gpu, "the picture's depths", needs.size_px, needs.eyes, DEPTH_FORMAT)?;
         // Mesa's software driver 22.3 reads nothing from an array of one integer texel.
         let tiles = needs.size_px.map(|side| side.div_ceil(TILE).max(2));
-        let masks = layers(gpu, "the tiles' masks", tiles, needs.eyes, MASK_FORMAT)?;
+        let masks = layers(gpu, "the tiles' masks", tiles, needs.mask_layers, MASK_FORMAT)?;
         let work_bytes =
             WORK_HEAD_BYTES + 4 * u64::from(tiles[0]) * u64::from(tiles[1]) * u64::from(needs.eyes);
         let work = gpu.buffer(
@@ -154,6 +160,7 @@ impl Targets {
             depth_group,
             picture,
             depth,
+            masks,
             planes,
             depth_grid,
         })
@@ -202,7 +209,10 @@ pub(crate) fn record_raycast(
     targets: &Targets,
     timestamps: Option<wgpu::ComputePassTimestampWrites<'_>>,
 ) -> Result<(), RenderError> {
-    let scene_group = scene.scene_group(plan.step_mm(), plan.step_part())?;
+    let (volume_group, scene_group) = match scene.several() {
+        Some(several) => (&several.volumes_group, several.scene_group.clone()),
+        None => (scene.volume_group(), (*scene.scene_group(plan.step_mm(), plan.step_part())?).clone()),
+    };
     let pipelines = gpu.pipelines.raycast(&gpu.device, plan.features);
     encoder.clear_buffer(&targets.work, 0, Some(WORK_HEAD_BYTES));
     let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
@@ -211,8 +221,8 @@ pub(crate) fn record_raycast(
     });
     pass.set_pipeline(&pipelines.tiles);
     pass.set_bind_group(0, frame_group, &[]);
-    pass.set_bind_group(1, scene.volume_group(), &[]);
-    pass.set_bind_group(2, &*scene_group, &[]);
+    pass.set_bind_group(1, volume_group, &[]);
+    pass.set_bind_group(2, &scene_group, &[]);
     pass.set_bind_group(3, &targets.tiles_group, &[]);
     let [columns, rows] = plan.render_size_px().map(|side| side.div_ceil(TILE));
     pass.dispatch_workgroups(columns.div_ceil(8), rows.div_ceil(8), plan.eye_count());

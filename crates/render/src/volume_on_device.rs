@@ -30,6 +30,7 @@ pub(crate) struct ChannelOnDevice {
     pub(crate) cells: CellRanges,
     pub(crate) voxel_bytes: u64,
     pub(crate) bind_group: wgpu::BindGroup,
+    pub(crate) view: wgpu::TextureView,
     /// value = raw · value_scale + value_offset, raw as the texture gives it.
     pub(crate) value_scale: f64,
     pub(crate) value_offset: f64,
@@ -168,22 +169,22 @@ impl ChannelOnDevice {
         let cells = CellRanges::of(channel, grid.dims(), filter_slack(channel, is_widened));
         let value_scale = channel.slope * unit;
         let value_offset = channel.slope * shift + channel.intercept;
-        let bind_group = Self::bind(gpu, &texture)?;
+        let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+        let bind_group = Self::bind(gpu, &view)?;
         let integers = if matches!(channel.voxels, Voxels::F32(_)) { 0.0 } else { unit };
         let stored = [integers, shift, channel.slope, channel.intercept];
         let voxel_bytes = (voxel_bytes * grid.voxel_count()) as u64;
-        Ok(Self { name, labels, cells, voxel_bytes, bind_group, value_scale, value_offset, stored })
+        Ok(Self { name, labels, cells, voxel_bytes, bind_group, view, value_scale, value_offset, stored })
     }
 
-    fn bind(gpu: &Gpu, texture: &wgpu::Texture) -> Result<wgpu::BindGroup, RenderError> {
+    fn bind(gpu: &Gpu, view: &wgpu::TextureView) -> Result<wgpu::BindGroup, RenderError> {
         let sampler = gpu.linear_sampler();
         gpu.guarded("the volume's bindings", || {
-            let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
             gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: Some("volume"),
                 layout: &gpu.pipelines.volume_layout,
                 entries: &[
-                    wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(&view) },
+                    wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(view) },
                     wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&sampler) },
                 ],
             })

@@ -106,6 +106,39 @@ pub enum SceneError {
         /// The file.
         file: String,
     },
+    /// A further volume is not among those that are there.
+    #[error("the scene shows the volume '{wanted}'; there are: {available}")]
+    NoSuchVolume {
+        /// As the scene names it.
+        wanted: String,
+        /// What there is beside the first.
+        available: String,
+    },
+    /// More volumes than a scene may have.
+    #[error(
+        "the scene {what} {found} volumes, at most {max} are allowed; hide some with \"shown\": false or leave them out"
+    )]
+    VolumeCount {
+        /// What it does with them.
+        what: &'static str,
+        /// Volumes found, the first counted.
+        found: usize,
+        /// Volumes allowed.
+        max: usize,
+    },
+    /// A mode that shows the first volume only is to show others, or the first is hidden.
+    #[error(
+        "mode {mode} shows the first volume and no other, the scene shows {found} volumes{}; \
+         mode emission-absorption shows several", if *first_is_shown { "" } else { ", the first is hidden" }
+    )]
+    SeveralInMode {
+        /// The mode's name.
+        mode: &'static str,
+        /// Volumes that are to be shown.
+        found: usize,
+        /// Whether the first is among them.
+        first_is_shown: bool,
+    },
 }
 
 /// Checks that a number lies in a range, for [`SceneError::Range`].

@@ -1,6 +1,7 @@
 //! The scene file.
 
 use crate::error::{SceneError, within};
+use crate::further::{self, FurtherFacts, FurtherVolume, VolumeSource};
 use crate::{
     Camera, Headlight, LabelFacts, LabelLooks, LabelsFile, Mode, Placement, Preset, Scene, TransferFunction,
     Window,
@@ -11,7 +12,7 @@ use std::path::PathBuf;
 const LARGEST_FILE: usize = 256 * 1024;
 
 /// A scene as a person writes it. What is left out is filled from the volume.
-#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SceneFile {
     /// For people; not used.
@@ -26,6 +27,12 @@ pub struct SceneFile {
     /// The look that fills what the scene leaves out: `holocast presets` names them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub preset: Option<String>,
+    /// Whether the first volume is seen, in mode emission-absorption.
+    #[serde(skip_serializing_if = "is_true")]
+    pub shown: bool,
+    /// Volumes that are shown together with the first, in mode emission-absorption: at most 4 at a time.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub further_volumes: Vec<FurtherVolume>,
     /// How samples become a pixel. Default: emission-absorption.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mode: Option<Mode>,
@@ -72,6 +79,39 @@ pub struct SceneFile {
     /// Distance of samples along a ray of a still, millimetres. Default: by quality.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub step_mm: Option<f64>,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde asks for a reference")]
+fn is_true(shown: &bool) -> bool {
+    *shown
+}
+
+impl Default for SceneFile {
+    fn default() -> Self {
+        Self {
+            description: None,
+            volume: None,
+            channel: None,
+            preset: None,
+            shown: true,
+            further_volumes: Vec::new(),
+            mode: None,
+            transfer: None,
+            transfer_file: None,
+            labels: None,
+            threshold: None,
+            surface_color: None,
+            surface_opacity: None,
+            window: None,
+            shade: false,
+            light: None,
+            placement: None,
+            background: None,
+            camera: None,
+            size: None,
+            step_mm: None,
+        }
+    }
 }
 
 /// A channel by name or by number.
@@ -145,6 +185,29 @@ impl VolumeFacts {
         }
         self
     }
+
+    /// The number of the channel that was asked for; the first, if none was.
+    pub(crate) fn channel_index(&self, choice: Option<&ChannelChoice>) -> Result<usize, SceneError> {
+        let found = match choice {
+            None => (!self.channels.is_empty()).then_some(0),
+            Some(ChannelChoice::Number(n)) => (*n < self.channels.len()).then_some(*n),
+            Some(ChannelChoice::Name(name)) => self.channels.iter().position(|c| c.name == *name),
+        };
+        found.ok_or_else(|| SceneError::NoSuchChannel {
+            wanted: match choice {
+                None => "0".into(),
+                Some(ChannelChoice::Number(n)) => n.to_string(),
+                Some(ChannelChoice::Name(name)) => name.clone(),
+            },
+            available: self
+                .channels
+                .iter()
+                .enumerate()
+                .map(|(i, c)| format!("{i} '{}'", c.name))
+                .collect::<Vec<_>>()
+                .join(", "),
+        })
+    }
 }
 
 impl SceneFile {
@@ -190,16 +253,9 @@ impl SceneFile {
             within("threshold", threshold, -1.0e12..=1.0e12, "a finite number within 1e12")?;
         }
         if let Some(window) = self.window {
-            within("window low", window.low, -1.0e12..=1.0e12, "a finite number within 1e12")?;
-            within("window high", window.high, -1.0e12..=1.0e12, "a finite number within 1e12")?;
-            if window.low >= window.high {
-                return Err(SceneError::Range {
-                    field: "window".into(),
-                    found: format!("[{}, {}]", window.low, window.high),
-                    expected: "[low, high] with low below high",
-                });
-            }
+            window.check("window")?;
         }
+        further::check(&self.further_volumes)?;
         for (field, color) in [("surface_color", self.surface_color), ("background", self.background)] {
             for c in color.into_iter().flatten() {
                 within(field, c, 0.0..=1.0, "0 to 1")?;
@@ -226,28 +282,64 @@ impl SceneFile {
         Ok(())
     }
 
+    /// The files that further volumes are read from, each once, in the order in which they are named first; those of
+    /// hidden volumes too, or only those of shown ones.
+    #[must_use]
+    pub fn further_sources(&self, shown_only: bool) -> Vec<VolumeSource> {
+        let mut sources = Vec::new();
+        for source in
+            self.further_volumes.iter().filter(|f| f.shown || !shown_only).filter_map(FurtherVolume::source)
+        {
+            if !sources.contains(&source) {
+                sources.push(source);
+            }
+        }
+        sources
+    }
+
     /// Fills what was left out from the volume's facts.
     ///
     /// # Errors
-    /// If the volume has no such channel, or a number is out of its range.
+    /// If the volume has no such channel, a number is out of its range, or the scene shows a further volume from a file.
     pub fn resolve(&self, facts: &VolumeFacts) -> Result<Scene, SceneError> {
+        self.resolve_among(facts, &[])
+    }
+
+    /// Fills what was left out from the facts of the first volume and of the `others` that are there beside it.
+    ///
+    /// # Errors
+    /// If a volume is not there or has no such channel, a number is out of its range, or the mode shows one volume only.
+    pub fn resolve_among(&self, facts: &VolumeFacts, others: &[FurtherFacts]) -> Result<Scene, SceneError> {
         self.check()?;
         if let Some(file) = &self.transfer_file {
             return Err(SceneError::File { field: "transfer_file", file: file.clone() });
         }
-        let channel = self.channel_index(facts)?;
+        let channel = facts.channel_index(self.channel.as_ref())?;
         let of = &facts.channels[channel];
-        match &self.preset {
-            Some(preset) => Preset::named(preset)?.applied(self, facts, of)?.filled(channel, of),
-            None => self.filled(channel, of),
-        }
+        let filled;
+        let file = match &self.preset {
+            Some(preset) => {
+                filled = Preset::named(preset)?.applied(self, facts, of)?;
+                &filled
+            }
+            None => self,
+        };
+        let shown = self.further_volumes.iter().filter(|f| f.shown);
+        let further: Vec<_> =
+            shown.map(|f| f.resolve(facts, others, file.light)).collect::<Result<_, _>>()?;
+        further::check_shown(file.mode.unwrap_or(Mode::EmissionAbsorption), self.shown, further.len())?;
+        Ok(Scene { further, ..file.filled(channel, of)? })
     }
 
-    /// The scene with what is left out filled from the channel.
+    /// The first volume alone, with what is left out filled from the channel.
     fn filled(&self, channel: usize, of: &ChannelFacts) -> Result<Scene, SceneError> {
         let window = self.window.unwrap_or_else(|| default_window(of));
-        let labels = self.label_looks(of)?;
+        // A label that has no look is not seen.
+        let labels =
+            self.label_looks(of)?.map(|looks| if self.shown { looks } else { LabelLooks::default() });
         let transfer = match &self.transfer {
+            // Without a point it is transparent everywhere.
+            _ if !self.shown => TransferFunction::default(),
             Some(transfer) => transfer.clone(),
             None => default_transfer(window, self.mode)?,
         };
@@ -271,6 +363,7 @@ impl SceneFile {
             light: (self.shade || self.light.is_some()).then(|| self.light.unwrap_or_default()),
             placement: self.placement.unwrap_or_default(),
             background: self.background.unwrap_or_default(),
+            further: Vec::new(),
         })
     }
 
@@ -292,28 +385,6 @@ impl SceneFile {
         }
         labels.unwrap_or(&LabelsFile::default()).resolve(facts, self.transfer.as_ref()).map(Some)
     }
-
-    fn channel_index(&self, facts: &VolumeFacts) -> Result<usize, SceneError> {
-        let found = match &self.channel {
-            None => (!facts.channels.is_empty()).then_some(0),
-            Some(ChannelChoice::Number(n)) => (*n < facts.channels.len()).then_some(*n),
-            Some(ChannelChoice::Name(name)) => facts.channels.iter().position(|c| c.name == *name),
-        };
-        found.ok_or_else(|| SceneError::NoSuchChannel {
-            wanted: match &self.channel {
-                None => "0".into(),
-                Some(ChannelChoice::Number(n)) => n.to_string(),
-                Some(ChannelChoice::Name(name)) => name.clone(),
-            },
-            available: facts
-                .channels
-                .iter()
-                .enumerate()
-                .map(|(i, c)| format!("{i} '{}'", c.name))
-                .collect::<Vec<_>>()
-                .join(", "),
-        })
-    }
 }
 
 /// The range without its outliers; the whole range, or one value wide, where that is empty.
@@ -330,7 +401,7 @@ pub(crate) fn default_window(of: &ChannelFacts) -> Window {
 
 /// A grey ramp over the window; thin enough for volume rendering that the inside shows, or the window itself for the
 /// maximum.
-fn default_transfer(window: Window, mode: Option<Mode>) -> Result<TransferFunction, SceneError> {
+pub(crate) fn default_transfer(window: Window, mode: Option<Mode>) -> Result<TransferFunction, SceneError> {
     let densest = if mode == Some(Mode::Maximum) { 1.0 } else { 0.12 };
     TransferFunction::new(vec![
         [window.low, 0.0, 0.0, 0.0, 0.0].into(),

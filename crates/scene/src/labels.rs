@@ -101,6 +101,14 @@ impl LabelLooks {
         Self { looks: sorted.into_iter().collect() }
     }
 
+    /// The same with every opacity multiplied by `factor`, 0 to 1.
+    pub(crate) fn thinned(self, factor: f64) -> Self {
+        let thin = |(number, o): (i64, Optical)| {
+            (number, Optical { opacity_per_mm: o.opacity_per_mm * factor, ..o })
+        };
+        Self { looks: self.looks.into_iter().map(thin).collect() }
+    }
+
     /// What matter of a label does to light; nothing, if the label is not known.
     #[must_use]
     pub fn at(&self, number: i64) -> Optical {

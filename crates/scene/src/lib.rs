@@ -9,6 +9,7 @@
 mod camera;
 mod error;
 mod file;
+mod further;
 mod labels;
 mod light;
 mod placement;
@@ -17,7 +18,10 @@ mod transfer;
 
 pub use camera::Camera;
 pub use error::SceneError;
-pub use file::{ChannelFacts, SceneFile, VolumeFacts, schema_json};
+pub use file::{ChannelChoice, ChannelFacts, SceneFile, VolumeFacts, schema_json};
+pub use further::{
+    Further, FurtherFacts, FurtherVolume, MOST_VOLUMES, Registration, VolumeSource, VoxelKind,
+};
 pub use labels::{LabelEntry, LabelFacts, LabelLooks, LabelRef, LabelsFile, made_up_color};
 pub use light::Headlight;
 pub use placement::Placement;
@@ -74,6 +78,20 @@ pub struct Window {
 }
 
 impl Window {
+    pub(crate) fn check(&self, field: &str) -> Result<(), SceneError> {
+        for (end, value) in [("low", self.low), ("high", self.high)] {
+            error::within(&format!("{field} {end}"), value, -1.0e12..=1.0e12, "a finite number within 1e12")?;
+        }
+        if self.low >= self.high {
+            return Err(SceneError::Range {
+                field: field.to_owned(),
+                found: format!("[{}, {}]", self.low, self.high),
+                expected: "[low, high] with low below high",
+            });
+        }
+        Ok(())
+    }
+
     /// Where a value lies in the window: 0 at or below `low`, 1 at or above `high`.
     #[must_use]
     pub fn fraction(&self, value: f64) -> f64 {
@@ -119,4 +137,6 @@ pub struct Scene {
     pub placement: Placement,
     /// What stands behind, RGB 0 to 1. Black is transparent on an additive display.
     pub background: [f64; 3],
+    /// Volumes shown together with the first, in mode `emission-absorption` only; hidden ones are not among them.
+    pub further: Vec<Further>,
 }

@@ -24,7 +24,7 @@ mod server;
 mod settings;
 
 pub use quality::{LADDER, QualityController, Rung};
-pub use room::SceneChangeError;
+pub use room::{SceneChangeError, Volumes};
 pub use scheduler::{Scheduler, Wish};
 pub use seat::SeatSnapshot;
 pub use server::{Server, StartError};

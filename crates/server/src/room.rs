@@ -1,7 +1,7 @@
 //! The room: one scene that all headsets share.
 
 use render::{Gpu, Quality, RenderError, SceneOnDevice, SharedVolume};
-use scene::{SceneError, SceneFile, VolumeFacts};
+use scene::{FurtherFacts, SceneError, SceneFile, VolumeFacts};
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
 
 /// Why a scene is not shown.
@@ -10,12 +10,46 @@ pub enum SceneChangeError {
     /// The scene is not valid for this volume.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// It names a volume; the room's volume stays.
-    #[error("the scene names the volume '{0}'; a room keeps its volume, leave the field out")]
+    /// It names a first volume; the room's volumes stay.
+    #[error("the scene names the volume '{0}'; a room keeps its first volume, leave the field out")]
     Volume(String),
     /// The device has no room for it.
     #[error(transparent)]
     Device(#[from] RenderError),
+}
+
+/// The volumes that a room has for as long as it is there. Scenes choose among them; no other file is opened for one.
+#[derive(Clone, Debug)]
+pub struct Volumes {
+    /// All of them on the device, the first first.
+    pub on_device: Vec<SharedVolume>,
+    /// What is in the first.
+    pub facts: VolumeFacts,
+    /// What is in the others, and what scenes call them.
+    pub others: Vec<FurtherFacts>,
+}
+
+impl Volumes {
+    /// A room of one volume.
+    #[must_use]
+    pub fn one(volume: SharedVolume, facts: VolumeFacts) -> Self {
+        Self { on_device: vec![volume], facts, others: Vec::new() }
+    }
+
+    fn make(
+        &self,
+        gpu: &Arc<Gpu>,
+        quality: &Quality,
+        file: &SceneFile,
+    ) -> Result<Arc<SceneOnDevice>, SceneChangeError> {
+        let scene = file.resolve_among(&self.facts, &self.others)?;
+        let scene = SceneOnDevice::of_several(gpu, &self.on_device, &scene)?;
+        // What the ladder may come to needs other pipelines than what was asked for.
+        for step_scale in [1.0, 2.0] {
+            scene.prepare(&quality.coarser(step_scale))?;
+        }
+        Ok(Arc::new(scene))
+    }
 }
 
 /// A scene and its number.
@@ -29,8 +63,7 @@ pub(crate) struct Shown {
 #[derive(Debug)]
 pub(crate) struct Room {
     gpu: Arc<Gpu>,
-    volume: SharedVolume,
-    facts: VolumeFacts,
+    volumes: Volumes,
     quality: Quality,
     shown: RwLock<Shown>,
     /// Held while a scene is made, so that revisions follow the order of requests.
@@ -40,16 +73,14 @@ pub(crate) struct Room {
 impl Room {
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
-        volume: &SharedVolume,
-        facts: VolumeFacts,
+        volumes: Volumes,
         quality: Quality,
         file: &SceneFile,
     ) -> Result<Self, SceneChangeError> {
-        let scene = make(gpu, volume, &facts, &quality, file)?;
+        let scene = volumes.make(gpu, &quality, file)?;
         Ok(Self {
             gpu: gpu.clone(),
-            volume: volume.clone(),
-            facts,
+            volumes,
             quality,
             shown: RwLock::new(Shown { scene, revision: 0 }),
             making: Mutex::new(()),
@@ -70,7 +101,7 @@ impl Room {
         if let Some(volume) = &file.volume {
             return Err(SceneChangeError::Volume(volume.display().to_string()));
         }
-        let scene = make(&self.gpu, &self.volume, &self.facts, &self.quality, &file)?;
+        let scene = self.volumes.make(&self.gpu, &self.quality, &file)?;
         let revision = {
             let mut shown = self.shown.write().unwrap_or_else(PoisonError::into_inner);
             *shown = Shown { scene, revision: shown.revision + 1 };
@@ -79,19 +110,4 @@ impl Room {
         announce(revision);
         Ok(revision)
     }
-}
-
-fn make(
-    gpu: &Arc<Gpu>,
-    volume: &SharedVolume,
-    facts: &VolumeFacts,
-    quality: &Quality,
-    file: &SceneFile,
-) -> Result<Arc<SceneOnDevice>, SceneChangeError> {
-    let scene = SceneOnDevice::new(gpu, volume, &file.resolve(facts)?)?;
-    // What the ladder may come to needs other pipelines than what was asked for.
-    for step_scale in [1.0, 2.0] {
-        scene.prepare(&quality.coarser(step_scale))?;
-    }
-    Ok(Arc::new(scene))
 }

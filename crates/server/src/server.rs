@@ -6,11 +6,11 @@ use crate::encoding::{EncoderPool, StopOnPanic};
 use crate::pairing::Guesses;
 use crate::quality::{QualityController, Rung};
 use crate::render_loop::RenderLoop;
-use crate::room::{Room, SceneChangeError};
+use crate::room::{Room, SceneChangeError, Volumes};
 use crate::seat::{Seat, SeatSnapshot, locked};
 use crate::settings::Settings;
-use render::{FrameRenderer, Gpu, RenderError, SharedVolume};
-use scene::{SceneFile, VolumeFacts};
+use render::{FrameRenderer, Gpu, RenderError};
+use scene::SceneFile;
 use session::{ServerSession, ServerSettings, ServerTime};
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -167,7 +167,7 @@ pub struct Server {
 }
 
 impl Server {
-    /// Starts serving a volume. To be called inside of a tokio runtime.
+    /// Starts serving volumes. To be called inside of a tokio runtime.
     ///
     /// # Errors
     /// If it cannot listen, the scene cannot be shown, or the device has no room.
@@ -175,11 +175,10 @@ impl Server {
         settings: Settings,
         identity: &Identity,
         gpu: &Arc<Gpu>,
-        volume: &SharedVolume,
-        facts: VolumeFacts,
+        volumes: Volumes,
         scene: &SceneFile,
     ) -> Result<Self, StartError> {
-        let room = Room::new(gpu, volume, facts, settings.quality, scene)?;
+        let room = Room::new(gpu, volumes, settings.quality, scene)?;
         let endpoint = ServerEndpoint::bind(settings.listen, identity, &[wire::ALPN], &settings.transport)?;
         let address =
             endpoint.local_addr().map_err(|source| StartError::System { what: "the address", source })?;

@@ -79,9 +79,22 @@ impl<'a> Exact<'a> {
     /// # Errors
     /// If the volume has no such channel, or samples of it are not finite.
     pub fn new(volume: &'a Volume, scene: &'a Scene) -> Result<Self, ReferenceError> {
+        Self::of_several(volume, &[], scene)
+    }
+
+    /// The same with the volumes beside the first, in the order in which the scene counts them.
+    ///
+    /// # Errors
+    /// If a volume is not there or has no such channel, samples are not finite, or a registration leaves no grid.
+    pub fn of_several(
+        volume: &'a Volume,
+        others: &[&'a Volume],
+        scene: &'a Scene,
+    ) -> Result<Self, ReferenceError> {
         let grid = volume.grid();
         let volume_from_world = scene.placement.world_from_volume(grid).inverse();
-        Ok(Self { reference: Reference::new(volume, scene)?, grid, volume_from_world })
+        let volumes: Vec<&Volume> = std::iter::once(volume).chain(others.iter().copied()).collect();
+        Ok(Self { reference: Reference::of_several(&volumes, scene)?, grid, volume_from_world })
     }
 
     /// The middle of the volume and its eight corners, in the room.

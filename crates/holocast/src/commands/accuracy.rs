@@ -45,6 +45,7 @@ fn measured(
     path: &Path,
 ) -> anyhow::Result<Vec<Row>> {
     let shown = Shown::load(Some(path), None, &Chosen::default(), &Look::default())?;
+    shown.check_alone("bench accuracy").with_context(|| path.display().to_string())?;
     let volume = &shown.loaded.volume;
     let Viewpoint { placed, eyes, eye_size_px } =
         Viewpoint::of(&shown, volume.grid(), Some(arguments.size.0), None)?;

@@ -201,7 +201,7 @@ fn compared(
     samples: &[Sample],
     settings: &SweepSettings,
 ) -> anyhow::Result<Vec<Compared>> {
-    let exact = Exact::new(&shown.loaded.volume, &shown.scene)?;
+    let exact = Exact::of_several(&shown.loaded.volume, &shown.others(), &shown.scene)?;
     let target = DVec3::from_array(shown.scene.placement.position_m);
     let size = arguments.picture_size.0;
     let pair_of = |head: &Pose| -> anyhow::Result<_> {

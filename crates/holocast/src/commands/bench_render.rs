@@ -58,6 +58,7 @@ fn measure(
     rows: &mut Vec<CostRow>,
 ) -> anyhow::Result<()> {
     let shown = Shown::load(Some(path), None, &Chosen::default(), &Look::default())?;
+    shown.check_alone("bench render").with_context(|| path.display().to_string())?;
     let volume = Arc::new(VolumeOnDevice::upload(gpu, &shown.loaded.volume, |_| {})?);
     let scene = SceneOnDevice::new(gpu, &volume, &shown.scene)?;
     for size in &arguments.size {
@@ -91,6 +92,7 @@ fn stall(arguments: &BenchRender, path: &Path) -> anyhow::Result<FirstUse> {
     tell("the first use of other modes");
     let gpu = Arc::new(Gpu::open(arguments.adapter.as_deref())?);
     let shown = Shown::load(Some(path), None, &Chosen::default(), &Look::default())?;
+    shown.check_alone("bench render").with_context(|| path.display().to_string())?;
     let volume = Arc::new(VolumeOnDevice::upload(&gpu, &shown.loaded.volume, |_| {})?);
     let scene = SceneOnDevice::new(&gpu, &volume, &shown.scene)?;
     let size = arguments.size.first().copied().context("a size")?;

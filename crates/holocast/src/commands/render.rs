@@ -4,7 +4,7 @@ use crate::cli::Render;
 use crate::commands::shown::{Shown, quality_named, tuned};
 use crate::commands::viewpoint::Viewpoint;
 use crate::terminal::{progress, progress_done, say, tell};
-use ::reference::{Picture, RaySetup};
+use ::reference::{Picture, RaySetup, Reference};
 use ::render::{
     DepthGridSize, FrameRenderer, Gpu, GpuTimes, SceneOnDevice, StereoPlan, StereoRequest, Still,
     StillRenderer, VolumeOnDevice,
@@ -14,6 +14,7 @@ use picture_io::Precision;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+use volume::Volume;
 
 pub(crate) fn run(arguments: &Render) -> anyhow::Result<()> {
     let outputs = Outputs::of(arguments)?;
@@ -31,9 +32,11 @@ fn approximate(arguments: &Render, outputs: &Outputs<'_>) -> anyhow::Result<()> 
         &arguments.look,
     )?;
     let gpu = Arc::new(Gpu::open(arguments.adapter.as_deref())?);
-    let volume = Arc::new(VolumeOnDevice::upload(&gpu, &shown.loaded.volume, |_| {})?);
-    let on_device = SceneOnDevice::new(&gpu, &volume, &shown.scene)?;
-    let grid = volume.grid();
+    shown.tell_register()?;
+    let upload = |volume: &Volume| Ok(Arc::new(VolumeOnDevice::upload(&gpu, volume, |_| {})?));
+    let volumes: Vec<_> = shown.volumes().into_iter().map(upload).collect::<anyhow::Result<_>>()?;
+    let on_device = SceneOnDevice::of_several(&gpu, &volumes, &shown.scene)?;
+    let grid = on_device.grid();
     let view = viewpoint(arguments, &shown)?;
     let request = StereoRequest {
         eyes: &view.eyes,
@@ -62,20 +65,22 @@ fn exact(arguments: &Render, outputs: &Outputs<'_>) -> anyhow::Result<()> {
         &arguments.chosen,
         &arguments.look,
     )?;
-    let volume = &shown.loaded.volume;
+    shown.tell_register()?;
+    let grid = shown.loaded.volume.grid();
+    let reference = Reference::of_several(&shown.volumes(), &shown.scene)?;
     let view = viewpoint(arguments, &shown)?;
     let [width, height] = view.eye_size_px;
     let begun = Instant::now();
     let mut pictures = Vec::new();
     for (at, eye) in view.eyes.iter().enumerate() {
-        let setup = RaySetup::new(volume.grid(), view.placed.index_from_world, *eye);
+        let setup = RaySetup::new(grid, view.placed.index_from_world, *eye);
         let eyes = view.eyes.len();
         let told = move |p: ::reference::Progress| {
             let rows = p.rows * eyes;
             let done = p.rows * at + p.rows_done;
             progress(format!("the exact picture: {:.0} % of {rows} rows", done as f64 * 100.0 / rows as f64));
         };
-        pictures.push(::reference::render(volume, &shown.scene, &setup, width, height, &told)?);
+        pictures.push(reference.picture(&setup, width, height, &told)?);
     }
     progress_done();
     let secs = begun.elapsed().as_secs_f64();

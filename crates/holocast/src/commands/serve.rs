@@ -5,7 +5,7 @@ use crate::commands::shown::{Shown, quality_named};
 use crate::terminal::{progress, progress_done, say, tell};
 use ::render::{Gpu, VolumeOnDevice};
 use anyhow::{Context as _, bail};
-use server::{Server, Settings};
+use server::{Server, Settings, Volumes};
 use session::Prediction;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use volume_io::describe::VolumeDescription;
 
 pub(crate) fn run(arguments: &Serve) -> anyhow::Result<()> {
     let quality = quality_named(&arguments.quality)?;
-    let shown = Shown::load(
+    let shown = Shown::load_all(
         arguments.scene.as_deref(),
         arguments.volume.as_deref(),
         &arguments.chosen,
@@ -26,11 +26,15 @@ pub(crate) fn run(arguments: &Serve) -> anyhow::Result<()> {
     };
     let identity = Identity::load_or_create(&identity_folder)?;
     let gpu = Arc::new(Gpu::open(arguments.adapter.as_deref())?);
-    let volume = VolumeOnDevice::upload(&gpu, &shown.loaded.volume, |part| {
-        progress(format!("uploading: {:.0} %", part * 100.0));
-    });
-    progress_done();
-    let volume = Arc::new(volume?);
+    let mut on_device = Vec::new();
+    for volume in shown.volumes() {
+        let uploaded = VolumeOnDevice::upload(&gpu, volume, |part| {
+            progress(format!("uploading: {:.0} %", part * 100.0));
+        });
+        progress_done();
+        on_device.push(Arc::new(uploaded?));
+    }
+    shown.tell_register()?;
 
     let defaults = Settings::new(arguments.listen);
     let settings = Settings {
@@ -50,9 +54,9 @@ pub(crate) fn run(arguments: &Serve) -> anyhow::Result<()> {
     let description = VolumeDescription::of(&shown.volume_path.display().to_string(), &shown.loaded);
     // The scene and its volume were named on the command line; what headsets ask for names none.
     let scene = scene::SceneFile { volume: None, ..shown.file };
-    let facts = shown.facts;
-    // All of it is on the device now: the host's copy goes.
-    drop(shown.loaded);
+    let volumes = Volumes { on_device, facts: shown.facts, others: shown.others_facts };
+    // All of it is on the device now: the host's copies go.
+    drop((shown.loaded, shown.others));
 
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(network_threads())
@@ -61,7 +65,7 @@ pub(crate) fn run(arguments: &Serve) -> anyhow::Result<()> {
         .build()
         .context("the system refused threads for the network")?;
     runtime.block_on(async {
-        let server = Server::start(settings, &identity, &gpu, &volume, facts, &scene)?;
+        let server = Server::start(settings, &identity, &gpu, volumes, &scene)?;
         // Before the server tells of itself: who has read that may ask it to stop at once.
         let stopped = stop_signal()?;
         announce(arguments, &server, &gpu, &description, &identity_folder)?;

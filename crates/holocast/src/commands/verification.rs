@@ -21,7 +21,7 @@ impl Known {
     }
 
     pub(crate) fn exact(&self) -> anyhow::Result<Exact<'_>> {
-        Ok(Exact::new(&self.0.loaded.volume, &self.0.scene)?)
+        Ok(Exact::of_several(&self.0.loaded.volume, &self.0.others(), &self.0.scene)?)
     }
 }
 

@@ -1,6 +1,6 @@
 //! Labels against closed forms: none is ever blended into another.
 
-use crate::common::{pixel, ray, scene};
+use crate::common::{Noise, oblique, pixel, ray, scene};
 use spatial::DVec3;
 use volume::{Channel, ChannelKind, Grid, Volume, Voxels};
 
@@ -76,4 +76,23 @@ fn a_scene_for_measured_values_is_refused_for_labels() {
     let scene = scene(&measured, "{}");
     let message = reference::Reference::new(&volume, &scene).expect_err("another kind").to_string();
     assert!(message.contains("channel 'labels'"), "{message}");
+}
+
+#[test]
+fn where_a_label_is_all_around_there_is_no_highlight() {
+    let grid = oblique([6, 5, 7], [1.3, 0.7, 1.9]);
+    let voxels = Voxels::U8(vec![1; 6 * 5 * 7]);
+    let name = "labels".into();
+    let channel = Channel { name, kind: ChannelKind::Label, voxels, slope: 1.0, intercept: 0.0 };
+    let volume = Volume::new(grid, vec![channel]).expect("a volume");
+    let json = r#"{"labels": {"tint": {"1": [0.5, 0.5, 0.5]}, "opacity": {"1": 0.2}},
+        "light": {"ambient": 0.25, "diffuse": 0.5, "specular": 0.5, "power": 2}}"#;
+    let scene = scene(&volume, json);
+    let mut noise = Noise(3);
+    for _ in 0..50 {
+        let (from, to) = (noise.point(-9.0, -6.0), noise.point(1.0, 3.0));
+        let seen = pixel(&volume, &scene, &ray(&volume, from.to_array(), to.to_array()));
+        assert!(seen.rgba[3] > 0.1, "{seen:?}");
+        assert!((seen.rgba[0] - 0.125 * seen.rgba[3]).abs() < 1e-12, "only ambient light: {seen:?}");
+    }
 }

@@ -7,3 +7,4 @@ mod convergence;
 mod doubt;
 mod hard_cases;
 mod labels;
+mod several;

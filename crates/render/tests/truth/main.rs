@@ -13,6 +13,7 @@ mod levels;
 mod light_span;
 mod scenes;
 mod setting;
+mod several;
 mod skipping;
 mod stereo;
 mod tolerances;

@@ -6,7 +6,7 @@ use render::{
     DepthGridSize, Gpu, Placed, Quality, SceneOnDevice, StereoPlan, StereoRequest, Still, StillRenderer,
     VolumeOnDevice,
 };
-use scene::{Scene, SceneFile, VolumeFacts};
+use scene::{FurtherFacts, Scene, SceneFile, VolumeFacts, VolumeSource};
 use spatial::{DAffine3, DMat3, DQuat, DVec3, EyeView, Fov, Pose};
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
@@ -32,6 +32,13 @@ pub(crate) fn volume_on(grid: Grid, voxels: Voxels) -> Volume {
 /// A volume of one channel.
 pub(crate) fn scaled(grid: Grid, voxels: Voxels, slope: f64, intercept: f64) -> Volume {
     let channel = Channel { name: "test".into(), kind: ChannelKind::Intensity, voxels, slope, intercept };
+    Volume::new(grid, vec![channel]).unwrap()
+}
+
+/// A volume of labels.
+pub(crate) fn labels_on(grid: Grid, voxels: Voxels) -> Volume {
+    let name = "labels".into();
+    let channel = Channel { name, kind: ChannelKind::Label, voxels, slope: 1.0, intercept: 0.0 };
     Volume::new(grid, vec![channel]).unwrap()
 }
 
@@ -110,6 +117,8 @@ pub(crate) fn fov(vertical_deg: f64, [width, height]: [u32; 2]) -> Fov {
 /// A volume with a scene of it, on both sides.
 pub(crate) struct Shown {
     pub(crate) volume: Arc<Volume>,
+    /// Those beside it.
+    pub(crate) others: Vec<Arc<Volume>>,
     pub(crate) scene: Scene,
     pub(crate) on_device: SceneOnDevice,
 }
@@ -122,9 +131,27 @@ impl Shown {
     }
 
     pub(crate) fn of_scene(volume: Arc<Volume>, scene: Scene) -> Self {
-        let uploaded = Arc::new(VolumeOnDevice::upload(gpu(), &volume, |_| {}).unwrap());
-        let on_device = SceneOnDevice::new(gpu(), &uploaded, &scene).unwrap();
-        Self { volume, scene, on_device }
+        Self::of_several(vec![volume], scene)
+    }
+
+    /// Several volumes; the scene names those beside the first `1`, `2`, ….
+    pub(crate) fn several(volumes: &[&Arc<Volume>], json: &str) -> Self {
+        let others: Vec<_> = (1..volumes.len())
+            .map(|i| FurtherFacts {
+                source: VolumeSource { path: i.to_string().into(), series: None, kind: None },
+                facts: VolumeFacts::of(volumes[i]),
+            })
+            .collect();
+        let file = SceneFile::from_json(json).unwrap();
+        let scene = file.resolve_among(&VolumeFacts::of(volumes[0]), &others).unwrap();
+        Self::of_several(volumes.iter().map(|&volume| volume.clone()).collect(), scene)
+    }
+
+    fn of_several(mut volumes: Vec<Arc<Volume>>, scene: Scene) -> Self {
+        let upload = |volume: &Arc<Volume>| Arc::new(VolumeOnDevice::upload(gpu(), volume, |_| {}).unwrap());
+        let uploaded: Vec<_> = volumes.iter().map(upload).collect();
+        let on_device = SceneOnDevice::of_several(gpu(), &uploaded, &scene).unwrap();
+        Self { volume: volumes.remove(0), others: volumes, scene, on_device }
     }
 
     /// The picture of eyes in the volume's own millimetres.
@@ -160,7 +187,8 @@ impl Shown {
     }
 
     pub(crate) fn reference(&self) -> Reference<'_> {
-        Reference::new(&self.volume, &self.scene).unwrap()
+        let volumes: Vec<&Volume> = std::iter::once(&self.volume).chain(&self.others).map(|v| &**v).collect();
+        Reference::of_several(&volumes, &self.scene).unwrap()
     }
 
     /// The reference's rays of the same eye.
