@@ -42,7 +42,8 @@ fn label_facing(p: vec3<f32>, label: u32, direction_mm: vec3<f32>) -> f32 {
         share_at(p + y, label) - share_at(p - y, label),
         share_at(p + z, label) - share_at(p - z, label),
     );
-    return cosine_of(g, direction_mm);
+    // Where a label is all around, as at the border of its volume, what is left of the differences is rounding.
+    return select(cosine_of(g, direction_mm), 0.0, all(abs(g) < vec3<f32>(SHARE_ROUNDING)));
 }
 
 fn voxel_of(p: vec3<f32>) -> vec3<i32> {

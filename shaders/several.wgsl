@@ -30,8 +30,6 @@ struct Work {
 const FAR: f32 = 1.0e30;
 // The opacity of a pixel whose ray was not followed to its end; exact.wgsl says when.
 const UNFINISHED: f32 = -1.0;
-// More than a difference of shares can be off by: each is a sum of eight products.
-const SHARE_ROUNDING: f32 = 1.0e-5;
 // No label.
 const NO_LABEL: u32 = 0xffffffffu;
 

@@ -26,6 +26,8 @@ const LIT_PIECE: f32 = 0.25;
 const GRADIENT_APART: f32 = 0.5;
 // Rounds of six guesses each.
 const ROOT_ROUNDS: i32 = 4;
+// More than two shares of a label can be apart by rounding: each is a sum of eight products.
+const SHARE_ROUNDING: f32 = 1.0e-5;
 const LN_2: f32 = 0.69314718;
 
 fn is_seen(s: Stretch) -> bool {

@@ -1,7 +1,7 @@
 //! Labels: none is blended into another, at no level.
 
 use crate::setting::{
-    Noise, Shown, each, eye, f32s, finite, fov, i16s, oblique, straight, true_picture, u8s, u16s,
+    Noise, Shown, each, eye, f32s, finite, fov, i16s, labels_on, oblique, straight, true_picture, u8s, u16s,
 };
 use crate::tolerances::{self, MOST_JUMPS};
 use reference::{Uncertainty, compare, judge};
@@ -10,16 +10,10 @@ use render::{
 };
 use spatial::{DVec3, EyeView};
 use std::sync::Arc;
-use volume::{Channel, ChannelKind, Grid, Volume, Voxels};
+use volume::{Channel, ChannelKind, Grid, Volume};
 
 const SIZE: [u32; 2] = [64, 36];
 const DIMS: [u32; 3] = [37, 30, 33];
-
-fn labels_on(grid: Grid, voxels: Voxels) -> Volume {
-    let (slope, intercept) = (1.0, 0.0);
-    let channel = Channel { name: "labels".into(), kind: ChannelKind::Label, voxels, slope, intercept };
-    Volume::new(grid, vec![channel]).unwrap()
-}
 
 /// Shells and a bar, as organs in each other.
 fn organs(numbers: [f64; 4]) -> Vec<f64> {
@@ -174,4 +168,22 @@ fn a_scene_of_measured_values_is_refused_for_labels() {
     let uploaded = Arc::new(render::VolumeOnDevice::upload(crate::setting::gpu(), &volume, |_| {}).unwrap());
     let refused = SceneOnDevice::new(crate::setting::gpu(), &uploaded, &scene);
     assert!(matches!(refused, Err(RenderError::Kind { labels: true, .. })));
+}
+
+#[test]
+fn where_a_label_is_all_around_there_is_no_highlight() {
+    // Seen at the border of its volume, its share is 1 on all sides: what float32 makes of the difference has a direction
+    // too, and no meaning.
+    let values = each(DIMS, |_| 1.0);
+    let json = r#"{"labels": {"tint": {"1": [0.5, 0.5, 0.5]}, "opacity": {"1": 0.3}},
+        "light": {"ambient": 0.25, "diffuse": 0.5, "specular": 0.5, "power": 2}}"#;
+    let grid = oblique(DIMS, [1.0, 1.2, 0.9]);
+    let eye = outside(&grid);
+    let shown = Shown::new(labels_on(grid, u8s(&values)), json);
+    let drawn = true_picture("labels all around", &shown, eye, SIZE);
+    assert!(drawn.pixels().iter().filter(|p| p.rgba[3] > 0.5).count() > 300, "it is seen");
+    for pixel in drawn.pixels() {
+        let ambient = 0.125 * pixel.rgba[3];
+        assert!((pixel.rgba[0] - ambient).abs() < tolerances::CLOSED_FORM, "only ambient light: {pixel:?}");
+    }
 }
