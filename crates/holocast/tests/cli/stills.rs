@@ -127,6 +127,42 @@ fn a_volume_without_a_scene_is_drawn_in_default_colours() {
     assert!(fs::read(&out).unwrap() == fs::read(&all).unwrap());
 }
 
+#[test]
+fn several_volumes_are_told_and_drawn_as_they_are() {
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/scenes/several/organs-in-ct.json");
+    let json = run(["info", scene, "--json"]).json();
+    assert_eq!(json["volume"]["dims"], serde_json::json!([122, 101, 112]), "{json}");
+    let organs = &json["further_volumes"][0];
+    assert_eq!((&organs["name"], &organs["is_moved"]), (&"organs".into(), &false.into()), "{json}");
+    assert_eq!(organs["share_within_first"], 1.0, "{json}");
+    let words = run(["info", scene]).well();
+    assert!(words.contains("with organs: 122x101x112 voxels") && words.contains("not resampled"), "{words}");
+
+    let folder = Folder::new();
+    let [drawn, exact, bones] = ["drawn.png", "exact.png", "bones.png"].map(|name| folder.arg(name));
+    let render = |scene: &str, more: &[&str]| {
+        run([&["render", "--scene", scene, "--size", "64x36", "--out"][..], more].concat()).well()
+    };
+    render(scene, &[&drawn, "--quality", "fine"]);
+    render(scene, &[&exact, "--reference"]);
+    // A step of rounding to 8 bits on either side.
+    run(["compare", &drawn, &exact, "--max-error", "1.01/255"]).well();
+    // The organs are in the picture.
+    let text = fs::read_to_string(scene).unwrap();
+    let hidden = text.replace(r#""name": "organs","#, r#""name": "organs", "shown": false,"#);
+    assert_ne!(hidden, text);
+    let volumes = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/volumes");
+    let hidden = folder.write("hidden.json", hidden.replace("../../volumes", volumes).as_bytes());
+    render(&hidden, &[&bones, "--quality", "fine"]);
+    let apart = run(["compare", &drawn, &bones, "--max-error", "0.2"]);
+    assert!(!apart.status.success(), "{}", apart.out);
+
+    // What measures scenes of one volume says so.
+    let out = folder.arg("bench");
+    run(["bench", "render", "--scene", scene, "--out", &out])
+        .failed(&["organs-in-ct.json", "measures scenes of one"]);
+}
+
 /// Scenes that the renderer's peers draw, where their volumes are on this machine.
 #[test]
 fn all_peer_scenes_are_drawn() {
