@@ -367,9 +367,13 @@ fn march_%(ray: Ray, end: f32) {
                 var changes_$ = false;
                 // Where one label ends and the next begins.
                 var turn_$ = from_$;
+                // Whether the step is to be gone in parts if there is much to see.
+                var varies_$ = true;
                 if (LABELS_$) {
                     now_$ = label_at_$(voxel_of($u, at_$(to_$)));
                     changes_$ = now_$ != label_$ || begins_$;
+                    // A label is the same all through, and a short step misses none.
+                    varies_$ = changes_$ || step > 0.5 * parts[$].finest_mm;
                     // Up to the face that the ray leaves the first voxel by there is what was.
                     let face_mm = clamp(voxel_end_$(voxel_of($u, at_$(from_$))), from_$, from_$ + length_$);
                     turn_$ = select(face_mm, from_$, begins_$);
@@ -385,8 +389,8 @@ fn march_%(ray: Ray, end: f32) {
                     there_$ = select(vec4<f32>(0.0), optical_$(raw_at_$(at_$(to_$))), length_$ > 0.0);
                     piece_$ = (select(here_$, there_$, begins_$) + there_$) * (0.5 * length_$);
                 }
-                ahead += there_$.a;
-                behind += select(0.0, here_$.a, length_$ > 0.0 && !begins_$);
+                ahead += select(0.0, there_$.a, varies_$);
+                behind += select(0.0, here_$.a, varies_$ && length_$ > 0.0 && !begins_$);
                 optical_depth += piece_$.a;
 #end
                 // A step with more than little to see at either end is gone again, in parts.

@@ -25,6 +25,8 @@ struct Part {
     stretches: u32,
     // Takes a gradient by own index to millimetres, up to a common factor.
     gradient_x: vec3<f32>,
+    // Its smallest voxel spacing.
+    finest_mm: f32,
     gradient_y: vec3<f32>,
     gradient_z: vec3<f32>,
     // ambient, diffuse, specular, power
