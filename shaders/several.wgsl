@@ -92,7 +92,8 @@ fn own_ray(k: u32, anchor: vec3<f32>, per_mm: vec3<f32>, eye_distance_mm: f32) -
 
 #each
 @group(1) @binding($VOXELS) var voxels_$: texture_3d<f32>;
-// Colour (not multiplied) and extinction a millimetre, by value.
+// Colour (not multiplied) and extinction a millimetre, by value, or by label where they have room in it: a software driver
+// reads a texel in less time than as many numbers from a buffer.
 @group(2) @binding($TABLE) var table_$: texture_1d<f32>;
 var<private> own_$: Own;
 #end
@@ -377,8 +378,14 @@ fn march_%(ray: Ray, end: f32) {
                     // Up to the face that the ray leaves the first voxel by there is what was.
                     let face_mm = clamp(voxel_end_$(voxel_of($u, at_$(from_$))), from_$, from_$ + length_$);
                     turn_$ = select(face_mm, from_$, begins_$);
-                    let look = stretches[parts[$].first_stretch + now_$];
-                    there_$ = vec4<f32>(look.color_from, 1.0) * look.opacity_to;
+                    var look = vec4<f32>(0.0);
+                    if (MANY_$) {
+                        let in_list = stretches[parts[$].first_stretch + now_$];
+                        look = vec4<f32>(in_list.color_from, in_list.opacity_to);
+                    } else {
+                        look = textureLoad(table_$, i32(now_$), 0);
+                    }
+                    there_$ = vec4<f32>(look.rgb, 1.0) * look.a;
                     if (LIT_$) {
                         // Its colour is not known yet where it begins.
                         there_$ = select(here_$, vec4<f32>(0.0, 0.0, 0.0, there_$.a), changes_$);

@@ -199,7 +199,8 @@ impl<'a> Part<'a> {
     }
 
     fn kind(&self) -> PartKind {
-        PartKind { labels: self.looks.is_some(), lit: self.alone.light.is_some() }
+        let many_labels = self.looks.as_ref().is_some_and(|looks| looks.len() > ENTRIES);
+        PartKind { labels: self.looks.is_some(), many_labels, lit: self.alone.light.is_some() }
     }
 
     /// Whether it is not all transparent.
@@ -263,12 +264,25 @@ impl<'a> Part<'a> {
         )
     }
 
-    /// Colour and extinction by value, which holds for every step.
+    /// Colour and extinction by value, which holds for every step, or by label.
     fn table(&self, gpu: &Gpu, domain: TableDomain) -> Result<wgpu::TextureView, RenderError> {
-        let colors = optical_table(&self.alone, domain, 1.0);
-        let extinctions = extinction_table(&self.alone, domain);
-        let table: Vec<[f32; 4]> =
-            colors.iter().zip(extinctions).map(|(&[r, g, b, _], extinction)| [r, g, b, extinction]).collect();
+        let table: Vec<[f32; 4]> = match &self.looks {
+            Some(looks) => {
+                let of = |look: &GpuStretch| {
+                    let [r, g, b] = look.color_from;
+                    [r, g, b, look.opacity_to]
+                };
+                // Those that have no room in it are not looked up here.
+                let rest = std::iter::repeat([0.0; 4]);
+                looks.iter().map(of).chain(rest).take(ENTRIES).collect()
+            }
+            None => {
+                let colors = optical_table(&self.alone, domain, 1.0);
+                let extinctions = extinction_table(&self.alone, domain);
+                let with = |(&[r, g, b, _], extinction): (&[f32; 4], f32)| [r, g, b, extinction];
+                colors.iter().zip(extinctions).map(with).collect()
+            }
+        };
         gpu.small_texture(
             "a volume's table",
             [ENTRIES as u32, 1, 1],
@@ -393,7 +407,7 @@ mod tests {
     use super::*;
     use std::mem::{offset_of, size_of};
 
-    const VALUES: PartKind = PartKind { labels: false, lit: false };
+    const VALUES: PartKind = PartKind { labels: false, many_labels: false, lit: false };
 
     #[test]
     fn a_part_lies_in_memory_as_the_shader_reads_it() {

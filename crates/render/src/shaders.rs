@@ -46,6 +46,8 @@ const SEVERAL: &str = concat!(
 pub(crate) struct PartKind {
     /// Whether its voxels hold labels.
     pub(crate) labels: bool,
+    /// Whether there are more of them than a table has entries.
+    pub(crate) many_labels: bool,
     /// Whether it is lit.
     pub(crate) lit: bool,
 }
@@ -73,7 +75,7 @@ pub(crate) fn several(kinds: &[PartKind]) -> String {
     let text = each(&text, "#each", "#end", &copies(&all));
     let shaded = |kind: &PartKind| kind.lit && !kind.labels;
     let flags = kinds.iter().enumerate().flat_map(|(part, kind)| {
-        [("LABELS", kind.labels), ("LIT", kind.lit), ("SHADED", shaded(kind))]
+        [("LABELS", kind.labels), ("MANY", kind.many_labels), ("LIT", kind.lit), ("SHADED", shaded(kind))]
             .map(|(name, on)| (format!("{name}_{part}"), f64::from(u8::from(on))))
     });
     let flags: Vec<(String, f64)> = flags.collect();
@@ -227,11 +229,12 @@ mod tests {
         [("tiles", TILES), ("raycast", RAYCAST), ("convert", CONVERT), ("depth", DEPTH)];
 
     /// All kinds that a volume may be of.
-    const KINDS: [PartKind; 4] = [
-        PartKind { labels: false, lit: false },
-        PartKind { labels: false, lit: true },
-        PartKind { labels: true, lit: false },
-        PartKind { labels: true, lit: true },
+    const KINDS: [PartKind; 5] = [
+        PartKind { labels: false, many_labels: false, lit: false },
+        PartKind { labels: false, many_labels: false, lit: true },
+        PartKind { labels: true, many_labels: false, lit: false },
+        PartKind { labels: true, many_labels: true, lit: false },
+        PartKind { labels: true, many_labels: true, lit: true },
     ];
 
     #[test]
@@ -249,7 +252,12 @@ mod tests {
                 let kinds: Vec<PartKind> = (0..count).map(|i| KINDS[(first + i * 3) % KINDS.len()]).collect();
                 let text = several(&kinds);
                 validate(&format!("{kinds:?}"), &text);
-                assert!(!text.contains(&format!("voxels_{count}")) && !text.contains("if (L"), "{kinds:?}");
+                assert!(
+                    !text.contains(&format!("voxels_{count}"))
+                        && !text.contains("if (L")
+                        && !text.contains("if (M"),
+                    "{kinds:?}"
+                );
                 let code = text.lines().filter(|line| !line.trim_start().starts_with("//"));
                 assert!(code.clone().all(|line| !line.contains(['$', '#'])), "{kinds:?}");
                 for (part, kind) in kinds.iter().enumerate() {

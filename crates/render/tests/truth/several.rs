@@ -232,6 +232,28 @@ fn the_order_of_volumes_does_not_matter() {
 }
 
 #[test]
+fn more_labels_than_a_table_has_entries_are_drawn_too() {
+    let [ct, ..] = &patient();
+    // Each voxel has a label of its own.
+    let grid = about([18, 17, 16], DMat3::from_diagonal(DVec3::splat(1.5)), DVec3::ZERO);
+    let mut number = 0.0;
+    let numbers = each(grid.dims(), |_| {
+        number += 1.0;
+        number
+    });
+    let many = Arc::new(labels_on(grid, u16s(&numbers)));
+    let json = scene(GREY, "", &[r#"{"volume": "1", "opacity": 0.2}"#.to_owned()]);
+    let shown = Shown::several(&[ct, &many], &json);
+    let eye = eyes(ct)[0];
+    let exact = shown.exact(eye, SIZE);
+    for (quality, least_db) in [(Quality::BALANCED, tolerances::BALANCED_DB), (Quality::EXACT, 90.0)] {
+        let apart = compare(&exact, &shown.drawn(eye, SIZE, quality, None)).unwrap();
+        tell(&format!("several: 4896 labels: {:.1} dB", apart.psnr_db));
+        assert!(apart.psnr_db > least_db, "{apart:?}");
+    }
+}
+
+#[test]
 fn a_hidden_volume_changes_no_bit() {
     let [ct, pet, ..] = &patient();
     let alone = Shown::several(&[ct], &scene(GREY, "", &[]));
