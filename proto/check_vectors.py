@@ -175,6 +175,7 @@ class Reader:
             frame=self.u64,
             depends_on=lambda: self.option(self.u64),
             scene_revision=self.u32,
+            time_step=self.u32,
             pose_sequence=self.u64,
             pose_sampled_at_us=self.u64,
             display_at_us=self.u64,

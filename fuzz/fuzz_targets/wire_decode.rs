@@ -101,6 +101,7 @@ fn server(data: &[u8]) {
                         access_unit: piece,
                         reference: if what % 6 == 4 { Reference::None } else { Reference::Previous },
                         scene_revision: 0,
+                        time_step: 0,
                         times,
                         quality: wire::Quality::default(),
                         depth: wire::DepthGrid::default(),

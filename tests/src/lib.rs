@@ -19,7 +19,9 @@ pub use cable::Cable;
 pub use likeness::{Likeness, Planes};
 pub use peer::{Ending, RawPeer};
 pub use process::{open_files, resident_bytes, threads};
-pub use subject::{BEACON_IN_ROOM, CENTRE_IN_ROOM, beacon, labels, scene_of_mode, scene_with, subject};
+pub use subject::{
+    BEACON_IN_ROOM, CENTRE_IN_ROOM, beacon, growing, labels, scene_of_mode, scene_with, subject,
+};
 pub use test_server::{REFRESH_HZ, SIZE_PX, TestServer, device, gpu, settings};
 pub use viewer::{Viewer, in_front};
 pub use waiting::{PATIENCE, until, within};

@@ -40,6 +40,16 @@ pub fn beacon() -> Volume {
     volume_of(|p| 250.0 * (-((p - BEACON).length() / 0.2).powi(2)).exp())
 }
 
+/// Steps of a series in time, from small to large values: something grows beside the core of [`subject`].
+#[must_use]
+pub fn growing(steps: u32) -> Vec<Volume> {
+    let one = |step: u32| {
+        let size = 0.2 + 0.5 * f64::from(step) / f64::from(steps);
+        volume_of(|p| 240.0 * (-((p - DVec3::new(0.3, 0.0, -0.2)).length() / size).powi(2)).exp())
+    };
+    (0..steps).map(one).collect()
+}
+
 /// Labels about the core of [`subject`], on a coarser grid of their own: 1 before 2, nothing else.
 #[must_use]
 pub fn labels() -> Volume {
@@ -55,7 +65,7 @@ pub fn labels() -> Volume {
     let channel = Channel {
         name: "labels".into(),
         kind: ChannelKind::Label,
-        voxels: Voxels::U8(voxels),
+        voxels: Voxels::U8(voxels.into()),
         slope: 1.0,
         intercept: 0.0,
     };
@@ -83,7 +93,7 @@ fn volume_of(value: impl Fn(DVec3) -> f64) -> Volume {
     let channel = Channel {
         name: "density".into(),
         kind: ChannelKind::Intensity,
-        voxels: Voxels::U8(voxels),
+        voxels: Voxels::U8(voxels.into()),
         slope: 1.0,
         intercept: 0.0,
     };

@@ -2,11 +2,11 @@
 
 use headset::{DecodePool, DeviceModel, HeadsetSettings};
 use render::{
-    DepthGridSize, Gpu, Placed, SceneOnDevice, StereoPlan, StereoRequest, Still, StillRenderer,
+    DepthGridSize, Gpu, Placed, SceneOnDevice, SharedVolume, StereoPlan, StereoRequest, Still, StillRenderer,
     VolumeOnDevice,
 };
 use scene::{FurtherFacts, SceneFile, VolumeFacts, VolumeSource};
-use server::{SeatSnapshot, Server, Settings, StartError, Volumes};
+use server::{SeatSnapshot, Series, Server, Settings, StartError, Volumes};
 use session::Device;
 use spatial::StereoView;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -64,9 +64,25 @@ impl TestServer {
         Self::start_beside(volume, Vec::new(), scene_json, settings)
     }
 
+    /// The same with a series in time, of which `first` is a step.
+    #[must_use]
+    pub fn start_series(first: Volume, series: Series, scene_json: &str, settings: Settings) -> Self {
+        Self::start_with(first, Vec::new(), Some(series), scene_json, settings)
+    }
+
     /// The same with volumes beside it, which scenes call `1`, `2`, ….
     #[must_use]
     pub fn start_beside(volume: Volume, others: Vec<Volume>, scene_json: &str, settings: Settings) -> Self {
+        Self::start_with(volume, others, None, scene_json, settings)
+    }
+
+    fn start_with(
+        volume: Volume,
+        others: Vec<Volume>,
+        series: Option<Series>,
+        scene_json: &str,
+        settings: Settings,
+    ) -> Self {
         static ALONE: Mutex<()> = Mutex::new(());
         // A test that has failed leaves nothing behind that this guards.
         let alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
@@ -81,6 +97,7 @@ impl TestServer {
             on_device: std::iter::once(&volume).chain(&others).map(upload).collect(),
             facts: VolumeFacts::of(&volume),
             others: others.iter().enumerate().map(called).collect(),
+            series,
         };
         let scene = SceneFile::from_json(scene_json).unwrap_or_else(|e| panic!("{e}"));
         let identity = Identity::ephemeral().unwrap_or_else(|e| panic!("{e}"));
@@ -132,9 +149,19 @@ impl TestServer {
     /// The renderer's own picture of a scene, with the server's quality.
     #[must_use]
     pub fn still(&self, scene_json: &str, view: &StereoView) -> Still {
+        self.still_of(&self.volumes.on_device, scene_json, view)
+    }
+
+    /// The same of a step of a series, in colours that the room's first step has filled.
+    #[must_use]
+    pub fn still_of_step(&self, step: &Volume, scene_json: &str, view: &StereoView) -> Still {
+        let step = VolumeOnDevice::upload(gpu(), step, |_| {}).unwrap_or_else(|e| panic!("{e}"));
+        self.still_of(&[Arc::new(step)], scene_json, view)
+    }
+
+    fn still_of(&self, volumes: &[SharedVolume], scene_json: &str, view: &StereoView) -> Still {
         let scene = self.scene(scene_json);
-        let on_device = SceneOnDevice::of_several(gpu(), &self.volumes.on_device, &scene)
-            .unwrap_or_else(|e| panic!("{e}"));
+        let on_device = SceneOnDevice::of_several(gpu(), volumes, &scene).unwrap_or_else(|e| panic!("{e}"));
         let request = StereoRequest {
             eyes: &view.eyes,
             placed: Placed::in_room(&scene.placement, on_device.grid()),

@@ -130,6 +130,16 @@ impl Viewer {
         .await
     }
 
+    /// A frame that shows a step of a series and comes after so many others in a row that do.
+    pub async fn frame_of_step(&mut self, step: u32, others: usize) -> DecodedFrame {
+        let mut in_a_row = 0;
+        self.frame_with(&format!("frames of step {step}"), |frame| {
+            in_a_row = if frame.received.header.time_step == step { in_a_row + 1 } else { 0 };
+            in_a_row > others
+        })
+        .await
+    }
+
     /// The next event that is no frame and no statistics.
     pub async fn notice(&mut self, what: &str) -> HeadsetEvent {
         if let Some(event) = self.others.pop_front() {

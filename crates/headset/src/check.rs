@@ -375,6 +375,7 @@ mod tests {
             frame: 3,
             depends_on: None,
             scene_revision: 0,
+            time_step: 0,
             pose_sequence: 7,
             pose_sampled_at_us: sampled_at.as_micros(),
             display_at_us: display_at.as_micros(),

@@ -27,6 +27,7 @@ pub(crate) fn registration(
 pub(crate) struct Aside {
     frame: u64,
     scene_revision: u32,
+    time_step: u32,
     rendered: StereoView,
     seen_from: StereoView,
     picture: YuvPicture,
@@ -38,6 +39,7 @@ impl Aside {
         Self {
             frame: header.frame,
             scene_revision: header.scene_revision,
+            time_step: header.time_step,
             rendered: received.view,
             seen_from,
             picture,
@@ -55,6 +57,7 @@ impl Aside {
         SampledFrame {
             frame: self.frame,
             scene_revision: self.scene_revision,
+            time_step: self.time_step,
             rendered: self.rendered,
             seen_from: self.seen_from,
             eye_size_px,
@@ -90,6 +93,7 @@ mod tests {
         let aside = Aside {
             frame: 7,
             scene_revision: 1,
+            time_step: 0,
             rendered: view,
             seen_from: view,
             picture: YuvPicture::from_rgb8(4, 4, &rgb).unwrap(),

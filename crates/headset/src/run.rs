@@ -156,6 +156,8 @@ pub struct FrameRecord {
     pub pose_sequence: u64,
     /// The scene that it shows.
     pub scene_revision: u32,
+    /// Which volume of a series in time it shows, counted from 0.
+    pub time_step: u32,
     /// When the pose was taken, in seconds.
     pub pose_sampled_at_secs: f64,
     /// When its picture was forecast to be shown, in seconds.
@@ -208,6 +210,8 @@ pub struct SampledFrame {
     pub frame: u64,
     /// The scene that it shows.
     pub scene_revision: u32,
+    /// Which volume of a series in time it shows, counted from 0.
+    pub time_step: u32,
     /// The view that it was made for, as its header says.
     pub rendered: StereoView,
     /// Where the eyes truly were when it was shown.

@@ -361,6 +361,7 @@ impl SimulatedHeadset {
             depends_on: header.depends_on,
             pose_sequence: header.pose_sequence,
             scene_revision: header.scene_revision,
+            time_step: header.time_step,
             pose_sampled_at_secs: secs(sampled_at),
             display_at_secs: secs(display_at),
             decoded_at_secs: secs(decoded_at),

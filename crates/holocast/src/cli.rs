@@ -212,6 +212,10 @@ pub(crate) struct Serve {
     /// driver, else 2
     #[arg(long, value_name = "N")]
     pub(crate) device_queue: Option<usize>,
+    /// Most megabytes of memory for the steps of a series in time that is played; what is beyond is read from the file
+    /// each time that it is its turn
+    #[arg(long, default_value_t = 4096, value_name = "MB")]
+    pub(crate) series_memory_mb: usize,
     /// Where it listens, what headsets pin and what it shows, as one line of JSON on standard output
     #[arg(long)]
     pub(crate) json: bool,

@@ -76,7 +76,7 @@ fn volume(mut value: impl FnMut(f64, f64, f64) -> f64) -> Result<Volume, Box<dyn
     let channel = Channel {
         name: "fog".into(),
         kind: ChannelKind::Intensity,
-        voxels: Voxels::I16(samples),
+        voxels: Voxels::I16(samples.into()),
         slope: 1.0,
         intercept: 0.0,
     };

@@ -196,7 +196,7 @@ mod tests {
         Channel {
             name: "test".into(),
             kind: ChannelKind::Intensity,
-            voxels: Voxels::F32(samples),
+            voxels: Voxels::F32(samples.into()),
             slope: 2.0,
             intercept: -3.0,
         }

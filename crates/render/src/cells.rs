@@ -1,6 +1,7 @@
 //! Cells of 4 voxels: what values they hold, and how far it is to one that can be seen.
 
 use rayon::prelude::*;
+use std::ops::Range;
 use volume::{Channel, Voxels};
 
 /// Voxels along each side of a cell. The shader has the same number; a test compares them.
@@ -9,6 +10,9 @@ pub(crate) const CELL: usize = 4;
 const CELLS_A_MAXIMUM: usize = 2;
 /// The farthest distance that is told apart, in cells. A ray that leaps as far looks again there.
 const FARTHEST: u8 = 16;
+/// How many numbers 8 and 16 bits tell apart.
+const NUMBERS_8: usize = 1 << 8;
+const NUMBERS_16: usize = 1 << 16;
 
 /// Lowest and highest value of each cell and a border voxel around it.
 #[derive(Clone, Debug)]
@@ -20,6 +24,31 @@ pub(crate) struct CellRanges {
     intercept: f64,
     /// How far outside of its voxels, in stored units, the filter's values may lie.
     slack: f64,
+    /// The lowest and the highest value of all.
+    whole: [f32; 2],
+}
+
+/// What can be seen, counted along the values. Two looks a range, whatever is seen.
+pub(crate) trait SeenRanges: Sync {
+    /// What is counted below a range that begins with this value; never falls with the value. `largest` is how large the
+    /// numbers are that are rounded on the way.
+    fn before(&self, low: f32, largest: f32) -> Counts;
+
+    /// What is counted up to the end of a range that ends with this value; never falls with the value.
+    fn through(&self, high: f32, largest: f32) -> Counts;
+
+    /// Whether something of the range is seen.
+    fn is_seen(&self, [low, high]: [f32; 2]) -> bool {
+        let largest = low.abs().max(high.abs());
+        is_more(self.through(high, largest), self.before(low, largest))
+    }
+}
+
+/// Two things that are counted apart; a range is seen if either has more.
+pub(crate) type Counts = [u32; 2];
+
+fn is_more(through: Counts, before: Counts) -> bool {
+    through[0] > before[0] || through[1] > before[1]
 }
 
 /// Lowest and highest stored number of each cell, x fastest, as small as the voxels are.
@@ -42,20 +71,23 @@ impl CellRanges {
             Voxels::F32(v) => Stored::F32(ranges(v, voxel_dims)),
         };
         let dims = voxel_dims.map(|d| (d as usize).div_ceil(CELL));
-        Self { dims, stored, slope: channel.slope, intercept: channel.intercept, slack }
+        let whole = [f32::INFINITY, f32::NEG_INFINITY];
+        let mut cells =
+            Self { dims, stored, slope: channel.slope, intercept: channel.intercept, slack, whole };
+        let widest = |a: [f32; 2], b: [f32; 2]| [a[0].min(b[0]), a[1].max(b[1])];
+        cells.whole = cells.map(|r| r).into_par_iter().reduce(|| whole, widest);
+        cells
     }
 
     /// The lowest and the highest value of all.
     pub(crate) fn whole(&self) -> [f32; 2] {
-        let widest = |a: [f32; 2], b: [f32; 2]| [a[0].min(b[0]), a[1].max(b[1])];
-        self.map(|r| r).into_par_iter().reduce(|| [f32::INFINITY, f32::NEG_INFINITY], widest)
+        self.whole
     }
 
     /// Something of the range of each cell (values after slope and intercept), x fastest.
     pub(crate) fn map<T: Send>(&self, of: impl Fn([f32; 2]) -> T + Sync) -> Vec<T> {
         let scale = |[low, high]: [f64; 2]| {
-            let value = |stored: f64| self.slope * stored + self.intercept;
-            let (a, b) = (value(low - self.slack), value(high + self.slack));
+            let (a, b) = (self.value(low - self.slack), self.value(high + self.slack));
             // Rounded outwards: a cell never claims less than it holds.
             of([(a.min(b) as f32).next_down(), (a.max(b) as f32).next_up()])
         };
@@ -94,8 +126,57 @@ impl CellRanges {
 
     /// For each cell the number of cells (Chebyshev) to the nearest one whose range is seen, at most [`FARTHEST`]; 0 for
     /// such a cell itself.
-    pub(crate) fn distance_to_seen(&self, is_seen: impl Fn([f32; 2]) -> bool + Sync) -> Vec<u8> {
-        chebyshev(&self.map(is_seen), self.dims)
+    pub(crate) fn distance_to_seen(&self, seen: &impl SeenRanges) -> Vec<u8> {
+        chebyshev(&self.seen(seen), self.dims)
+    }
+
+    /// Whether each cell is seen. What is counted before and through each stored number is worked out once, where there are
+    /// more cells than numbers.
+    fn seen(&self, seen: &impl SeenRanges) -> Vec<bool> {
+        match &self.stored {
+            Stored::U8(r) if r.len() > NUMBERS_8 => {
+                let ends = self.ends(seen, 0..NUMBERS_8);
+                r.par_iter().map(|r| ends.is_seen(r.map(usize::from))).collect()
+            }
+            Stored::U16(r) if r.len() > NUMBERS_16 => {
+                let ends = self.ends(seen, 0..NUMBERS_16);
+                r.par_iter().map(|r| ends.is_seen(r.map(usize::from))).collect()
+            }
+            Stored::I16(r) if r.len() > NUMBERS_16 => {
+                let ends = self.ends(seen, 0..NUMBERS_16);
+                let place = |s: i16| usize::from(s.cast_unsigned() ^ 0x8000);
+                r.par_iter().map(|r| ends.is_seen(r.map(place))).collect()
+            }
+            _ => self.map(|range| seen.is_seen(range)),
+        }
+    }
+
+    fn value(&self, stored: f64) -> f64 {
+        self.slope * stored + self.intercept
+    }
+
+    /// The counts at the ends of ranges of stored numbers, by their places from the lowest on.
+    fn ends(&self, seen: &impl SeenRanges, places: Range<usize>) -> Ends {
+        let lowest = if matches!(self.stored, Stored::I16(_)) { f64::from(i16::MIN) } else { 0.0 };
+        let rises = self.slope >= 0.0;
+        // As in `map`: the end that is the lowest value is rounded down, the other up.
+        let largest = self.whole[0].abs().max(self.whole[1].abs());
+        let count = |value: f64, is_low: bool| {
+            if is_low {
+                seen.before((value as f32).next_down(), largest)
+            } else {
+                seen.through((value as f32).next_up(), largest)
+            }
+        };
+        let (first, last) = places
+            .into_par_iter()
+            .map(|place| {
+                let stored = place as f64 + lowest;
+                let (a, b) = (self.value(stored - self.slack), self.value(stored + self.slack));
+                (count(a, rises), count(b, !rises))
+            })
+            .unzip();
+        Ends { first, last, rises }
     }
 
     /// Bytes held.
@@ -106,6 +187,21 @@ impl CellRanges {
             Stored::U16(r) => size_of_val(r.as_slice()),
             Stored::F32(r) => size_of_val(r.as_slice()),
         }
+    }
+}
+
+/// What is counted at the ends of ranges that begin and end with each stored number.
+struct Ends {
+    first: Vec<Counts>,
+    last: Vec<Counts>,
+    /// Whether values rise with stored numbers.
+    rises: bool,
+}
+
+impl Ends {
+    fn is_seen(&self, [low, high]: [usize; 2]) -> bool {
+        let (first, last) = (self.first[low], self.last[high]);
+        if self.rises { is_more(last, first) } else { is_more(first, last) }
     }
 }
 
@@ -258,7 +354,7 @@ mod tests {
         Channel {
             name: "x".into(),
             kind: ChannelKind::Intensity,
-            voxels: Voxels::U8(voxels),
+            voxels: Voxels::U8(voxels.into()),
             slope,
             intercept: 0.0,
         }
@@ -286,6 +382,52 @@ mod tests {
     fn slack_widens_a_range_both_ways() {
         let cells = CellRanges::of(&channel(vec![3, 10], 2.0), [2, 1, 1], 1.0);
         assert_eq!(cells.map(|r| r)[0], [4f32.next_down(), 22f32.next_up()]);
+    }
+
+    /// Seen between 10 and 12 of the values, and at -40 alone.
+    struct Bands;
+
+    impl SeenRanges for Bands {
+        fn before(&self, low: f32, _: f32) -> Counts {
+            [u32::from(low > 12.0), u32::from(low > -40.0)]
+        }
+
+        fn through(&self, high: f32, _: f32) -> Counts {
+            [u32::from(high >= 10.0), u32::from(high >= -40.0)]
+        }
+    }
+
+    #[test]
+    fn counting_by_stored_numbers_sees_what_counting_by_ranges_sees() {
+        // More cells than numbers of 16 bits, in ranges of all widths.
+        let dims = [168, 164, 164];
+        let mut state = 1u32;
+        let mut random = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            state >> 16
+        };
+        // Blocks of like numbers, so that some cells see nothing.
+        let blocks: Vec<u32> = (0..14 * 14 * 14).map(|_| random() >> (random() % 8)).collect();
+        let block = |i: usize| i % 168 / 12 + i / 168 % 164 / 12 * 14 + i / 168 / 164 / 12 * 196;
+        let numbers: Vec<u16> =
+            (0..168 * 164 * 164).map(|i| (blocks[block(i)] + random() % 64).min(65_535) as u16).collect();
+        for slope in [0.01, -0.01, 0.0] {
+            for voxels in [
+                Voxels::U16(numbers.clone().into()),
+                Voxels::I16(numbers.iter().map(|n| n.cast_signed()).collect::<Vec<_>>().into()),
+                Voxels::U8(numbers.iter().map(|n| *n as u8).collect::<Vec<_>>().into()),
+            ] {
+                let bytes = matches!(voxels, Voxels::U8(_));
+                let slope = if bytes { 50.0 * slope } else { slope };
+                let intercept = if slope < 0.0 { 45.0 } else { -45.0 };
+                let channel = Channel { voxels, intercept, ..channel(vec![0], slope) };
+                let cells = CellRanges::of(&channel, dims, 0.5);
+                let (found, expected) = (cells.seen(&Bands), cells.map(|range| Bands.is_seen(range)));
+                assert!(found == expected, "slope {slope}, {:?}", channel.voxels.voxel_type());
+                let share = found.iter().filter(|s| **s).count() as f64 / found.len() as f64;
+                assert!(slope == 0.0 || (0.001..0.999).contains(&share), "{share} are seen");
+            }
+        }
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Labels on the device: voxels hold a label's place among those of the channel, and a list says what each does to light.
 
+use crate::cells::{Counts, SeenRanges};
 use crate::error::RenderError;
 use crate::layout::GpuStretch;
 use scene::LabelLooks;
@@ -66,12 +67,19 @@ impl SeenLabels {
         Self { before: std::iter::once(0).chain(after).collect() }
     }
 
-    /// Whether a label from one place to another has opacity. Ranges are a little wider than what cells hold.
-    pub(crate) fn is_seen(&self, [low, high]: [f32; 2]) -> bool {
-        let last = self.before.len() - 1;
-        let first = (low.floor().max(0.0) as usize).min(last);
-        let end = ((high.ceil() + 1.0).max(0.0) as usize).min(last);
-        self.before[end] > self.before[first]
+    fn counted(&self, place: f32) -> Counts {
+        [self.before[(place.max(0.0) as usize).min(self.before.len() - 1)], 0]
+    }
+}
+
+/// Whether a label from one place to another has opacity. Ranges are a little wider than what cells hold.
+impl SeenRanges for SeenLabels {
+    fn before(&self, low: f32, _: f32) -> Counts {
+        self.counted(low.floor())
+    }
+
+    fn through(&self, high: f32, _: f32) -> Counts {
+        self.counted(high.ceil() + 1.0)
     }
 }
 
@@ -88,12 +96,12 @@ mod tests {
     #[test]
     fn places_are_the_same_whatever_the_type() {
         let numbers = vec![-3, 0, 500];
-        let (found, held) = places(&channel(Voxels::I16(vec![500, 0, -3, 0]))).unwrap();
-        assert_eq!((&found, held.voxels), (&numbers, Voxels::U16(vec![2, 1, 0, 1])));
-        let (found, held) = places(&channel(Voxels::F32(vec![500.0, 0.0, -3.0, 0.0]))).unwrap();
-        assert_eq!((found, held.voxels), (numbers, Voxels::U16(vec![2, 1, 0, 1])));
-        let (found, held) = places(&channel(Voxels::U8(vec![200, 7]))).unwrap();
-        assert_eq!((found, held.voxels), (vec![7, 200], Voxels::U8(vec![1, 0])));
+        let (found, held) = places(&channel(Voxels::I16(vec![500, 0, -3, 0].into()))).unwrap();
+        assert_eq!((&found, held.voxels), (&numbers, Voxels::U16(vec![2, 1, 0, 1].into())));
+        let (found, held) = places(&channel(Voxels::F32(vec![500.0, 0.0, -3.0, 0.0].into()))).unwrap();
+        assert_eq!((found, held.voxels), (numbers, Voxels::U16(vec![2, 1, 0, 1].into())));
+        let (found, held) = places(&channel(Voxels::U8(vec![200, 7].into()))).unwrap();
+        assert_eq!((found, held.voxels), (vec![7, 200], Voxels::U8(vec![1, 0].into())));
     }
 
     #[test]

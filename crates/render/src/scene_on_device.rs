@@ -1,5 +1,6 @@
 //! A scene on the device: its table, its cells to be seen, and the numbers every frame of it shares.
 
+use crate::cells::{Counts, SeenRanges};
 use crate::error::RenderError;
 use crate::gpu::Gpu;
 use crate::labels::{SeenLabels, looks_on_device};
@@ -84,11 +85,11 @@ impl SceneOnDevice {
         let distances = match scene.mode {
             _ if let Some(looks) = &looks => {
                 let seen = SeenLabels::of(looks);
-                channel.cells.distance_to_seen(|r| seen.is_seen(r))
+                channel.cells.distance_to_seen(&seen)
             }
-            Mode::EmissionAbsorption => channel.cells.distance_to_seen(|r| seen.is_seen(r)),
+            Mode::EmissionAbsorption => channel.cells.distance_to_seen(&seen),
             Mode::Threshold | Mode::Cumulated => {
-                channel.cells.distance_to_seen(|r| f64::from(r[1] + slack) >= scene.threshold)
+                channel.cells.distance_to_seen(&SeenSurface { threshold: scene.threshold, slack })
             }
             Mode::XRay | Mode::Maximum => vec![0],
         };
@@ -279,6 +280,22 @@ pub(crate) fn looks_of(
         (Some(looks), Some(numbers)) => Ok(Some(looks_on_device(numbers, looks))),
         (None, None) => Ok(None),
         (_, labels) => Err(RenderError::Kind { channel: channel.name.clone(), labels: labels.is_some() }),
+    }
+}
+
+/// A surface is seen where a cell reaches its value.
+struct SeenSurface {
+    threshold: f64,
+    slack: f32,
+}
+
+impl SeenRanges for SeenSurface {
+    fn before(&self, _: f32, _: f32) -> Counts {
+        [0; 2]
+    }
+
+    fn through(&self, high: f32, _: f32) -> Counts {
+        [u32::from(f64::from(high + self.slack) >= self.threshold), 0]
     }
 }
 

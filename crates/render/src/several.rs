@@ -247,12 +247,12 @@ impl<'a> Part<'a> {
         let distances = match &self.looks {
             Some(looks) => {
                 let seen = SeenLabels::of(looks);
-                cells.distance_to_seen(|range| seen.is_seen(range))
+                cells.distance_to_seen(&seen)
             }
             None => {
                 let table = optical_table(&self.alone, domain, 1.0);
                 let seen = SeenValues::of(&self.alone.transfer, &table, domain);
-                cells.distance_to_seen(|range| seen.is_seen(range))
+                cells.distance_to_seen(&seen)
             }
         };
         gpu.small_texture(

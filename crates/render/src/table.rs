@@ -1,6 +1,7 @@
 //! The transfer function as the shaders read it: a table of colour and opacity of one step, by value; and, where no step
 //! is taken, its linear stretches.
 
+use crate::cells::{Counts, SeenRanges};
 use crate::layout::GpuStretch;
 use scene::{HIGHEST_OPACITY_PER_MM, Mode, Scene, TransferFunction, TransferPoint};
 
@@ -171,27 +172,32 @@ impl SeenValues {
         }
     }
 
-    /// Whether some value of the range has opacity: in the table, linear between its entries, or in the function itself.
-    /// The rounding of float32 is allowed for: an entry on each side, and some units of the last place.
-    pub(crate) fn is_seen(&self, range: [f32; 2]) -> bool {
-        self.is_seen_in_table(range) || self.is_seen_in_function(range)
+    /// The table's entry at a position, held to those that there are.
+    fn entry(&self, position: f64) -> usize {
+        position.clamp(0.0, (self.before.len() - 2) as f64) as usize
     }
 
-    fn is_seen_in_function(&self, range: [f32; 2]) -> bool {
-        let [low, high] = range.map(f64::from);
-        let slack = low.abs().max(high.abs()) * 1.0e-6;
-        let first = self.knots.partition_point(|&k| k < low - slack);
-        let last = self.knots.partition_point(|&k| k <= high + slack);
-        self.stretches_before[last + 1] > self.stretches_before[first]
+    /// Some units of float32's last place.
+    fn slack(largest: f32) -> f64 {
+        f64::from(largest) * 1.0e-6
+    }
+}
+
+/// Whether some value of the range has opacity: in the table, linear between its entries, or in the function itself. The
+/// rounding of float32 is allowed for: an entry on each side, and some units of the last place.
+impl SeenRanges for SeenValues {
+    fn before(&self, low: f32, largest: f32) -> Counts {
+        let low = f64::from(low);
+        let entry = self.entry(self.domain.position(low).floor() - 1.0);
+        let knot = self.knots.partition_point(|&k| k < low - Self::slack(largest));
+        [self.before[entry], self.stretches_before[knot]]
     }
 
-    fn is_seen_in_table(&self, [low, high]: [f32; 2]) -> bool {
-        let last = self.before.len() - 2;
-        let first_entry =
-            (self.domain.position(f64::from(low)).floor() - 1.0).clamp(0.0, last as f64) as usize;
-        let last_entry =
-            (self.domain.position(f64::from(high)).ceil() + 1.0).clamp(0.0, last as f64) as usize;
-        self.before[last_entry + 1] > self.before[first_entry]
+    fn through(&self, high: f32, largest: f32) -> Counts {
+        let high = f64::from(high);
+        let entry = self.entry(self.domain.position(high).ceil() + 1.0);
+        let knot = self.knots.partition_point(|&k| k <= high + Self::slack(largest));
+        [self.before[entry + 1], self.stretches_before[knot + 1]]
     }
 }
 

@@ -34,7 +34,7 @@ fn floats(dims: [u32; 3], f: impl Fn(f32, f32, f32) -> f32) -> Voxels {
             }
         }
     }
-    Voxels::F32(v)
+    Voxels::F32(v.into())
 }
 
 fn noise(dims: [u32; 3], seed: u64) -> Voxels {
@@ -55,7 +55,7 @@ fn noise(dims: [u32; 3], seed: u64) -> Voxels {
             }
         }
     }
-    Voxels::U8(v)
+    Voxels::U8(v.into())
 }
 
 /// A volume on the device with a scene of it.
@@ -111,7 +111,7 @@ fn near(found: f64, expected: f64, tolerance: f64) {
 
 #[test]
 fn a_homogeneous_slab_is_as_opaque_as_its_length_whatever_the_step() {
-    let v = volume([20, 20, 10], DVec3::splat(1.0), Voxels::U8(vec![100; 4000]));
+    let v = volume([20, 20, 10], DVec3::splat(1.0), Voxels::U8(vec![100; 4000].into()));
     let shown = Shown::new(&v, r#"{"transfer": [[0, 0.8, 0.4, 0.2, 0.1]]}"#);
     // Straight down z: 10 mm of it.
     let eye = eye(DVec3::new(9.5, 9.5, -50.0), DVec3::new(9.5, 9.5, 0.0), 0.2);
@@ -130,7 +130,7 @@ fn a_homogeneous_slab_is_as_opaque_as_its_length_whatever_the_step() {
 
 #[test]
 fn early_termination_costs_no_more_than_the_transmittance_it_stops_at() {
-    let v = volume([20, 20, 40], DVec3::splat(1.0), Voxels::U8(vec![100; 16000]));
+    let v = volume([20, 20, 40], DVec3::splat(1.0), Voxels::U8(vec![100; 16000].into()));
     let shown = Shown::new(&v, r#"{"transfer": [[0, 1, 1, 1, 0.3]]}"#);
     let eye = eye(DVec3::new(9.5, 9.5, -50.0), DVec3::new(9.5, 9.5, 0.0), 0.2);
     let alpha =
@@ -194,7 +194,7 @@ fn the_maximum_is_the_highest_value_on_the_way() {
 
 #[test]
 fn cumulated_shows_the_x_ray_through_the_surface() {
-    let v = volume([8, 8, 10], DVec3::splat(1.0), Voxels::U8(vec![200; 640]));
+    let v = volume([8, 8, 10], DVec3::splat(1.0), Voxels::U8(vec![200; 640].into()));
     let json = |mode: &str| {
         format!(r#"{{"mode": "{mode}", "threshold": 100, "window": [0, 250], "surface_opacity": 0.6}}"#)
     };
@@ -311,7 +311,7 @@ fn turned_and_mirrored_grids_are_lit_alike() {
 fn one_voxel_and_one_slice_are_seen() {
     for dims in [[1, 1, 1], [16, 16, 1], [1, 16, 16]] {
         let n = dims.iter().product::<u32>() as usize;
-        let v = volume(dims, DVec3::splat(2.0), Voxels::U8(vec![255; n]));
+        let v = volume(dims, DVec3::splat(2.0), Voxels::U8(vec![255; n].into()));
         let shown = Shown::new(&v, r#"{"transfer": [[0, 1, 1, 1, 0.5]]}"#);
         let centre = (DVec3::from_array(dims.map(f64::from)) - 1.0) * 2.0 / 2.0;
         // Along z: as many slices of 2 mm as there are.
@@ -376,7 +376,7 @@ fn the_planes_are_the_picture_in_bt709() {
 
 #[test]
 fn fewer_rays_are_stretched_over_the_whole_picture() {
-    let v = volume([20, 20, 20], DVec3::ONE, Voxels::U8(vec![255; 8000]));
+    let v = volume([20, 20, 20], DVec3::ONE, Voxels::U8(vec![255; 8000].into()));
     let shown = Shown::new(&v, r#"{"transfer": [[0, 1, 1, 1, 1]]}"#);
     let eyes = [eye(DVec3::new(9.5, 9.5, -10.0), DVec3::splat(9.5), 10.0)];
     let quality = Quality { resolution_scale: 0.37, ..Quality::BALANCED };
@@ -392,7 +392,7 @@ fn fewer_rays_are_stretched_over_the_whole_picture() {
 
 #[test]
 fn a_ring_that_is_full_says_so_and_goes_on_when_a_frame_is_done() {
-    let v = volume([8, 8, 8], DVec3::ONE, Voxels::U8(vec![9; 512]));
+    let v = volume([8, 8, 8], DVec3::ONE, Voxels::U8(vec![9; 512].into()));
     let shown = Shown::new(&v, "{}");
     let plan =
         shown.plan(&[eye(DVec3::new(50.0, 9.0, 3.0), DVec3::ZERO, 10.0)], [16, 16], Quality::DRAFT, None);
@@ -410,7 +410,7 @@ fn a_ring_that_is_full_says_so_and_goes_on_when_a_frame_is_done() {
 #[test]
 fn a_volume_too_large_for_the_device_is_refused_with_both_numbers() {
     let max = gpu().longest_volume_axis();
-    let v = volume([max + 1, 1, 1], DVec3::ONE, Voxels::U8(vec![0; max as usize + 1]));
+    let v = volume([max + 1, 1, 1], DVec3::ONE, Voxels::U8(vec![0; max as usize + 1].into()));
     let error = VolumeOnDevice::upload(gpu(), &v, |_| {}).unwrap_err().to_string();
     assert!(error.contains(&max.to_string()) && error.contains(&(max + 1).to_string()), "{error}");
 }

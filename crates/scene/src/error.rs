@@ -114,6 +114,19 @@ pub enum SceneError {
         /// What there is beside the first.
         available: String,
     },
+    /// What is to be played has no steps.
+    #[error(
+        "play: expected a volume that is a series in time, found one of a single step; leave the field out"
+    )]
+    NoSeries,
+    /// The series has no such step.
+    #[error("play.from: expected a step of 0 to {}, found {wanted}", steps.saturating_sub(1))]
+    NoSuchStep {
+        /// Step asked for, counted from 0.
+        wanted: u32,
+        /// How many there are.
+        steps: u32,
+    },
     /// More volumes than a scene may have.
     #[error(
         "the scene {what} {found} volumes, at most {max} are allowed; hide some with \"shown\": false or leave them out"

@@ -3,8 +3,8 @@
 use crate::error::{SceneError, within};
 use crate::further::{self, FurtherFacts, FurtherVolume, VolumeSource};
 use crate::{
-    Camera, Headlight, LabelFacts, LabelLooks, LabelsFile, Mode, Placement, Preset, Scene, TransferFunction,
-    Window,
+    Camera, Headlight, LabelFacts, LabelLooks, LabelsFile, Mode, Placement, Play, Preset, Scene,
+    TransferFunction, Window,
 };
 use std::path::PathBuf;
 
@@ -67,6 +67,9 @@ pub struct SceneFile {
     /// Where the volume lies in the room.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub placement: Option<Placement>,
+    /// How the first volume is played, where its file is a series in time. Default: the step on view stays.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub play: Option<Play>,
     /// What stands behind, RGB 0 to 1. Default: black, which is transparent on an additive display.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub background: Option<[f64; 3]>,
@@ -106,6 +109,7 @@ impl Default for SceneFile {
             shade: false,
             light: None,
             placement: None,
+            play: None,
             background: None,
             camera: None,
             size: None,
@@ -184,6 +188,19 @@ impl VolumeFacts {
             labels.table = table.clone();
         }
         self
+    }
+
+    /// The same for another step of a series in time: numbers that fill a scene's gaps stay, so that a picture does not
+    /// flicker where values go up and down; the labels are those that this step has.
+    #[must_use]
+    pub fn of_step(&self, step: &volume::Volume) -> Self {
+        let mut facts = self.clone();
+        for (of, channel) in facts.channels.iter_mut().zip(step.channels()) {
+            if let Some(labels) = &mut of.labels {
+                labels.present = channel.label_counts().iter().map(|l| l.number).collect();
+            }
+        }
+        facts
     }
 
     /// The number of the channel that was asked for; the first, if none was.
@@ -269,6 +286,9 @@ impl SceneFile {
         }
         if let Some(placement) = &self.placement {
             placement.check()?;
+        }
+        if let Some(play) = &self.play {
+            play.check()?;
         }
         if let Some(camera) = &self.camera {
             camera.check()?;

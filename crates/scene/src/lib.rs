@@ -13,6 +13,7 @@ mod further;
 mod labels;
 mod light;
 mod placement;
+mod play;
 mod preset;
 mod transfer;
 
@@ -25,6 +26,7 @@ pub use further::{
 pub use labels::{LabelEntry, LabelFacts, LabelLooks, LabelRef, LabelsFile, made_up_color};
 pub use light::Headlight;
 pub use placement::Placement;
+pub use play::Play;
 pub use preset::{Preset, PresetUnits};
 pub use transfer::{HIGHEST_OPACITY_PER_MM, Optical, TransferFunction, TransferPoint};
 

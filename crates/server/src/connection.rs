@@ -147,7 +147,7 @@ fn change_scene(shared: Arc<Shared>, seat: Arc<Seat>, session: &mut ServerSessio
         return session.scene_refused(request_id, &reason);
     }
     tokio::task::spawn_blocking(move || {
-        let changed = shared.room.change(&scene_json, |revision| {
+        let changed = shared.change_scene(&scene_json, |revision| {
             tracing::info!(session = seat.id, revision, "scene changed");
             for other in shared.seats().iter() {
                 let asked = (other.id == seat.id).then_some(request_id);

@@ -91,7 +91,17 @@ fn encode_waiting(shared: &Shared, seat: &Seat) {
 }
 
 fn encode(shared: &Shared, seat: &Seat, stream: &Stream, encoder: &mut Encoder, job: EncodeJob) {
-    let EncodeJob { ticket, frame, scene_revision, rung, lit, render_started, rendered, converted } = job;
+    let EncodeJob {
+        ticket,
+        frame,
+        scene_revision,
+        time_step,
+        rung,
+        lit,
+        render_started,
+        rendered,
+        converted,
+    } = job;
     let (is_closed, must_be_key_frame) = {
         let session = seat.session();
         (session.is_closed(), session.next_must_be_key_frame())
@@ -128,6 +138,7 @@ fn encode(shared: &Shared, seat: &Seat, stream: &Stream, encoder: &mut Encoder, 
             access_unit: &access_unit.bytes,
             reference: if access_unit.key_frame { Reference::None } else { Reference::Previous },
             scene_revision,
+            time_step,
             times: RenderTimes { render_started, rendered, converted, encode_started, encoded: now },
             quality: wire::Quality {
                 resolution_scale: (shared.settings.quality.resolution_scale * rung.resolution_scale) as f32,

@@ -9,23 +9,31 @@
 //! has a slot for each frame on the device and in the encoders' hands; frames under way to a headset are bounded by its
 //! acknowledgements. What is dropped is always the stale.
 //!
-//! This crate holds no algorithm of its own but the choice of whose frame is next and how much it may cost, both pure.
+//! A series in time is played by the thread `play`: it brings the next step to the device while the present one is drawn.
+//!
+//! This crate holds no algorithm of its own but the choice of whose frame is next, how much it may cost, and which step of
+//! a series is shown when; all three are pure.
 
 mod clock;
 mod connection;
 mod encoding;
 mod pairing;
+mod playback;
+mod playing;
 mod quality;
 mod render_loop;
 mod room;
 mod scheduler;
 mod seat;
+mod series;
 mod server;
 mod settings;
 
+pub use playback::Playback;
 pub use quality::{LADDER, QualityController, Rung};
 pub use room::{SceneChangeError, Volumes};
 pub use scheduler::{Scheduler, Wish};
 pub use seat::SeatSnapshot;
+pub use series::{LoadStep, Series};
 pub use server::{Server, StartError};
 pub use settings::Settings;

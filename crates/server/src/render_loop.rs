@@ -2,6 +2,7 @@
 
 use crate::encoding::EncoderPool;
 use crate::quality::Rung;
+use crate::room::Shown;
 use crate::scheduler::{Scheduler, Wish};
 use crate::seat::{EncodeJob, Seat, locked};
 use crate::server::Shared;
@@ -27,6 +28,7 @@ struct Drawing {
     ticket: FrameTicket,
     frame: FrameInFlight,
     scene_revision: u32,
+    time_step: u32,
     rung: Rung,
     lit: bool,
     submitted: ServerTime,
@@ -106,13 +108,15 @@ impl RenderLoop {
     fn begin(&mut self, seat: Arc<Seat>) {
         let Some(ticket) = seat.session().begin_frame(self.shared.clock.now()) else { return };
         match self.submit(&seat, &ticket) {
-            Ok((frame, scene_revision, rung, lit)) => {
+            Ok((frame, shown, rung, lit)) => {
                 let submitted = self.shared.clock.now();
+                let Shown { revision: scene_revision, time_step, .. } = shown;
                 self.on_device.push_back(Drawing {
                     seat,
                     ticket,
                     frame,
                     scene_revision,
+                    time_step,
                     rung,
                     lit,
                     submitted,
@@ -130,7 +134,7 @@ impl RenderLoop {
         &mut self,
         seat: &Seat,
         ticket: &FrameTicket,
-    ) -> Result<(FrameInFlight, u32, Rung, bool), BeginError> {
+    ) -> Result<(FrameInFlight, Shown, Rung, bool), BeginError> {
         let shown = self.shared.room.shown();
         let (rung, size) = match seat.stream() {
             Some(stream) => (self.shared.rung(), [stream.device.eye_width_px, stream.device.eye_height_px]),
@@ -155,11 +159,12 @@ impl RenderLoop {
             shown.scene.numbers(),
         )?;
         let lit = plan.is_lit();
-        Ok((self.ring.submit(&shown.scene, &plan)?, shown.revision, rung, lit))
+        let frame = self.ring.submit(&shown.scene, &plan)?;
+        Ok((frame, shown, rung, lit))
     }
 
     fn finish(&mut self, drawing: Drawing) {
-        let Drawing { seat, ticket, frame, scene_revision, rung, lit, submitted } = drawing;
+        let Drawing { seat, ticket, frame, scene_revision, time_step, rung, lit, submitted } = drawing;
         let finished = frame.finish();
         let converted = self.shared.clock.now();
         // The device draws one frame after the other: this one waited until the one before it was done.
@@ -190,6 +195,7 @@ impl RenderLoop {
                 ticket,
                 frame,
                 scene_revision,
+                time_step,
                 rung,
                 lit,
                 render_started,

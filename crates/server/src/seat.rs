@@ -48,6 +48,7 @@ pub(crate) struct EncodeJob {
     pub(crate) ticket: FrameTicket,
     pub(crate) frame: FinishedFrame,
     pub(crate) scene_revision: u32,
+    pub(crate) time_step: u32,
     pub(crate) rung: Rung,
     pub(crate) lit: bool,
     pub(crate) render_started: ServerTime,

@@ -4,6 +4,7 @@ use crate::clock::Clock;
 use crate::connection;
 use crate::encoding::{EncoderPool, StopOnPanic};
 use crate::pairing::Guesses;
+use crate::playing;
 use crate::quality::{QualityController, Rung};
 use crate::render_loop::RenderLoop;
 use crate::room::{Room, SceneChangeError, Volumes};
@@ -82,6 +83,8 @@ pub(crate) struct Shared {
     pub(crate) clock: Clock,
     pub(crate) room: Room,
     pub(crate) wishes: Wishes,
+    /// Tells the thread `play` of another scene.
+    pub(crate) played: Wishes,
     seats: Mutex<Arc<Vec<Arc<Seat>>>>,
     stopping: AtomicBool,
     next_session: AtomicU64,
@@ -106,6 +109,18 @@ impl Shared {
         self.stopping.store(true, Ordering::Release);
         self.stop.send_replace(true);
         self.wishes.wake();
+        self.played.wake();
+    }
+
+    /// Shows another scene; see [`Room::change`].
+    pub(crate) fn change_scene(
+        &self,
+        json: &str,
+        announce: impl FnOnce(u32),
+    ) -> Result<u32, SceneChangeError> {
+        let changed = self.room.change(self.clock.now(), json, announce);
+        self.played.wake();
+        changed
     }
 
     /// What a frame may cost now.
@@ -162,7 +177,8 @@ pub struct Server {
     shared: Arc<Shared>,
     address: SocketAddr,
     fingerprint: Fingerprint,
-    render: Option<JoinHandle<()>>,
+    /// The threads `render` and `play`.
+    threads: Vec<JoinHandle<()>>,
     accepting: Option<tokio::task::JoinHandle<()>>,
 }
 
@@ -178,16 +194,19 @@ impl Server {
         volumes: Volumes,
         scene: &SceneFile,
     ) -> Result<Self, StartError> {
-        let room = Room::new(gpu, volumes, settings.quality, scene)?;
+        let clock = Clock::start();
+        let series = volumes.series.clone();
+        let room = Room::new(clock.now(), gpu, volumes, settings.quality, scene)?;
         let endpoint = ServerEndpoint::bind(settings.listen, identity, &[wire::ALPN], &settings.transport)?;
         let address =
             endpoint.local_addr().map_err(|source| StartError::System { what: "the address", source })?;
         let slots = settings.device_queue + settings.encoder_threads + WAITING_FRAMES;
         let ring = FrameRenderer::new(gpu, slots)?;
         let shared = Arc::new(Shared {
-            clock: Clock::start(),
+            clock,
             room,
             wishes: Wishes::default(),
+            played: Wishes::default(),
             seats: Mutex::default(),
             stopping: AtomicBool::new(false),
             next_session: AtomicU64::new(1),
@@ -199,19 +218,14 @@ impl Server {
         let thread = |source| StartError::System { what: "a thread", source };
         let encoders = EncoderPool::start(&shared, shared.settings.encoder_threads, slots).map_err(thread)?;
         let render_loop = RenderLoop::new(shared.clone(), ring, encoders);
-        let render = std::thread::Builder::new()
-            .name("render".into())
-            .spawn({
-                let shared = shared.clone();
-                move || {
-                    let _stops = StopOnPanic(&shared);
-                    render_loop.run();
-                }
-            })
-            .map_err(thread)?;
+        let mut threads = vec![spawn("render", &shared, move |_| render_loop.run()).map_err(thread)?];
+        if let Some(series) = series {
+            threads
+                .push(spawn("play", &shared, move |shared| playing::run(shared, &series)).map_err(thread)?);
+        }
         let accepting = tokio::spawn(accept(shared.clone(), endpoint));
         let fingerprint = identity.fingerprint();
-        Ok(Self { shared, address, fingerprint, render: Some(render), accepting: Some(accepting) })
+        Ok(Self { shared, address, fingerprint, threads, accepting: Some(accepting) })
     }
 
     /// Where it listens.
@@ -237,7 +251,7 @@ impl Server {
     /// # Errors
     /// If it is not valid for this volume or the device has no room. The old scene stays.
     pub fn change_scene(&self, json: &str) -> Result<u32, SceneChangeError> {
-        self.shared.room.change(json, |revision| {
+        self.shared.change_scene(json, |revision| {
             for seat in self.shared.seats().iter() {
                 seat.session().scene_changed(None, revision, told(json));
                 seat.wake.notify_one();
@@ -258,9 +272,9 @@ impl Server {
         if let Some(accepting) = self.accepting.take() {
             let _ = accepting.await;
         }
-        if let Some(render) = self.render.take() {
-            // It is in a call of the device or asleep for some milliseconds.
-            let _ = tokio::task::spawn_blocking(move || render.join()).await;
+        for thread in self.threads.drain(..) {
+            // It is in a call of the device, loads a step, or is asleep for some milliseconds.
+            let _ = tokio::task::spawn_blocking(move || thread.join()).await;
         }
     }
 }
@@ -269,6 +283,19 @@ impl Drop for Server {
     fn drop(&mut self) {
         self.shared.stop();
     }
+}
+
+/// A thread whose panic stops the server.
+fn spawn(
+    name: &str,
+    shared: &Arc<Shared>,
+    run: impl FnOnce(&Shared) + Send + 'static,
+) -> std::io::Result<JoinHandle<()>> {
+    let shared = shared.clone();
+    std::thread::Builder::new().name(name.into()).spawn(move || {
+        let _stops = StopOnPanic(&shared);
+        run(&shared);
+    })
 }
 
 /// A scene's text for those who did not ask for it: left out if it is long.

@@ -180,6 +180,7 @@ mod tests {
             frame: 5,
             depends_on: Some(4),
             scene_revision: 0,
+            time_step: 0,
             pose_sequence: 9,
             pose_sampled_at_us,
             display_at_us: pose_sampled_at_us.saturating_add(50_000),

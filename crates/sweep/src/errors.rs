@@ -167,7 +167,7 @@ mod tests {
     /// A block of matter whose face at x = -0.5 holds all rays of the middle column: whether they meet it is a matter of
     /// the last digit.
     fn check(change: impl Fn(&mut Vec<Pixel>), expected: impl Fn(&Errors)) {
-        let voxels = Voxels::U8(vec![200; 8 * 8 * 8]);
+        let voxels = Voxels::U8(vec![200; 8 * 8 * 8].into());
         let channel =
             Channel { name: "ct".into(), kind: ChannelKind::Intensity, voxels, slope: 1.0, intercept: 0.0 };
         let grid = Grid::axis_aligned([8; 3], DVec3::ONE).unwrap();

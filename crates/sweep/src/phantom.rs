@@ -46,7 +46,7 @@ pub fn phantom(side: u32, occupied: f64) -> Result<Volume, PhantomError> {
     let channel = Channel {
         name: "phantom".into(),
         kind: ChannelKind::Intensity,
-        voxels: Voxels::U16(voxels),
+        voxels: Voxels::U16(voxels.into()),
         slope: 1.0,
         intercept: 0.0,
     };

@@ -199,7 +199,7 @@ mod tests {
         let channel = Channel {
             name: "density".into(),
             kind: ChannelKind::Intensity,
-            voxels: Voxels::U8(voxels),
+            voxels: Voxels::U8(voxels.into()),
             slope: 1.0,
             intercept: 0.0,
         };

@@ -103,9 +103,9 @@ pub(crate) fn load(source: &Source<'_>, part: Part<'_>, options: &LoadOptions) -
     let mut picture = Picture { file, options, reader: &mut reader, tiling, components: components.len() };
     let collapse = json.channels.is_none();
     let mut channels = if sample_bytes == 1 {
-        picture.planes::<u8>(&wanted, collapse)?.into_channels(wanted, Voxels::U8)
+        picture.planes::<u8>(&wanted, collapse)?.into_channels(wanted, |v| Voxels::U8(v.into()))
     } else {
-        picture.planes::<u16>(&wanted, collapse)?.into_channels(wanted, Voxels::U16)
+        picture.planes::<u16>(&wanted, collapse)?.into_channels(wanted, |v| Voxels::U16(v.into()))
     };
     if collapse {
         drop_what_says_nothing(&mut channels, components, &mut notes);
@@ -389,16 +389,12 @@ fn trim(channels: &mut [Channel], slice_px: usize, slices: usize, notes: &mut Ve
         return slices;
     }
     for channel in channels {
-        fn cut<T>(samples: &mut Vec<T>, length: usize) {
-            samples.truncate(length);
-            samples.shrink_to_fit();
-        }
         let length = in_use * slice_px;
         match &mut channel.voxels {
-            Voxels::U8(v) => cut(v, length),
-            Voxels::U16(v) => cut(v, length),
-            Voxels::I16(v) => cut(v, length),
-            Voxels::F32(v) => cut(v, length),
+            Voxels::U8(v) => v.truncate(length),
+            Voxels::U16(v) => v.truncate(length),
+            Voxels::I16(v) => v.truncate(length),
+            Voxels::F32(v) => v.truncate(length),
         }
     }
     notes.push(format!("{} empty slices after the first {in_use} are left out", slices - in_use));

@@ -6,7 +6,7 @@
 use crate::source::read_full;
 use crate::{LoadError, LoadOptions, load::broken};
 use std::io::Read;
-use volume::Voxels;
+use volume::{Buffer, Voxels};
 
 /// Bytes that are read and converted at a time: small enough for a core's cache. A multiple of every sample's size.
 const CHUNK: usize = 256 << 10;
@@ -166,15 +166,21 @@ pub(crate) fn read(
 }
 
 /// Samples that are held as they are stored.
-fn kept<T, const N: usize>(
+fn kept<T: bytemuck::Pod, const N: usize>(
     reader: &mut impl Read,
     run: &Run<'_>,
     options: &LoadOptions,
     decode: impl Fn([u8; N]) -> T,
-) -> Result<Vec<T>, LoadError> {
-    let mut samples = reserve(run)?;
+) -> Result<Buffer<T>, LoadError> {
+    let mut samples = zeroed_buffer(run.file, fitting(run))?;
+    let mut filled = 0;
     each_chunk(reader, run, options, |bytes| {
-        samples.extend(bytes.as_chunks().0.iter().map(|&b| decode(b)));
+        let stored = bytes.as_chunks().0;
+        // There is room for as many as the data may hold, and no more than that can have been read.
+        for (sample, &bytes) in samples[filled..].iter_mut().zip(stored) {
+            *sample = decode(bytes);
+        }
+        filled += stored.len();
         Ok(())
     })?;
     Ok(samples)
@@ -202,7 +208,7 @@ fn doubles(
         }
         Ok(())
     })?;
-    Ok(Samples { voxels: Voxels::F32(samples), worst_rounding, overflowed })
+    Ok(Samples { voxels: Voxels::F32(samples.into()), worst_rounding, overflowed })
 }
 
 /// Integers of other sizes, held as the narrowest of int16, uint16 and float32 that takes all of them.
@@ -212,7 +218,7 @@ fn integers<T: Integer, const N: usize>(
     options: &LoadOptions,
     decode: impl Fn([u8; N]) -> T,
 ) -> Result<Samples, LoadError> {
-    let mut held = Voxels::I16(reserve(run)?);
+    let mut held = Narrowest::I16(reserve(run)?);
     let mut scratch = Vec::with_capacity(CHUNK / N);
     let mut negative = false;
     let mut worst_rounding = 0.0f64;
@@ -221,30 +227,41 @@ fn integers<T: Integer, const N: usize>(
         scratch.extend(bytes.as_chunks().0.iter().map(|&b| decode(b)));
         let Some((&low, &high)) = scratch.iter().min().zip(scratch.iter().max()) else { return Ok(()) };
         negative |= low < T::default();
-        held = match std::mem::replace(&mut held, Voxels::U8(Vec::new())) {
-            Voxels::I16(v) if !(low.fits_i16() && high.fits_i16()) => {
+        held = match std::mem::replace(&mut held, Narrowest::I16(Vec::new())) {
+            Narrowest::I16(v) if !(low.fits_i16() && high.fits_i16()) => {
                 if negative || !high.fits_u16() {
-                    Voxels::F32(widened(v, run)?)
+                    Narrowest::F32(widened(v, run)?)
                 } else {
                     // No sample was negative: the same bits, and no copy.
-                    Voxels::U16(bytemuck::allocation::cast_vec(v))
+                    Narrowest::U16(bytemuck::allocation::cast_vec(v))
                 }
             }
-            Voxels::U16(v) if !(low.fits_u16() && high.fits_u16()) => Voxels::F32(widened(v, run)?),
+            Narrowest::U16(v) if !(low.fits_u16() && high.fits_u16()) => Narrowest::F32(widened(v, run)?),
             fits => fits,
         };
         match &mut held {
-            Voxels::I16(v) => v.extend(scratch.iter().map(|s| s.as_i16())),
-            Voxels::U16(v) => v.extend(scratch.iter().map(|s| s.as_u16())),
-            Voxels::F32(v) => v.extend(scratch.iter().map(|s| {
+            Narrowest::I16(v) => v.extend(scratch.iter().map(|s| s.as_i16())),
+            Narrowest::U16(v) => v.extend(scratch.iter().map(|s| s.as_u16())),
+            Narrowest::F32(v) => v.extend(scratch.iter().map(|s| {
                 worst_rounding = worst_rounding.max(s.rounding_as_f32());
                 s.as_f32()
             })),
-            Voxels::U8(_) => {}
         }
         Ok(())
     })?;
-    Ok(Samples { voxels: held, worst_rounding, overflowed: 0 })
+    let voxels = match held {
+        Narrowest::I16(v) => Voxels::I16(v.into()),
+        Narrowest::U16(v) => Voxels::U16(v.into()),
+        Narrowest::F32(v) => Voxels::F32(v.into()),
+    };
+    Ok(Samples { voxels, worst_rounding, overflowed: 0 })
+}
+
+/// Integers read so far.
+enum Narrowest {
+    I16(Vec<i16>),
+    U16(Vec<u16>),
+    F32(Vec<f32>),
 }
 
 /// The same numbers as float32. Works from the end and gives the narrow ones back as it goes, so that both are never
@@ -315,6 +332,11 @@ pub(crate) fn zeroed<T: bytemuck::Zeroable>(file: &str, count: usize) -> Result<
     bytemuck::allocation::try_zeroed_vec(count).map_err(|()| no_memory::<T>(file, count))
 }
 
+/// Zeros for a whole volume.
+pub(crate) fn zeroed_buffer<T: bytemuck::Pod>(file: &str, count: usize) -> Result<Buffer<T>, LoadError> {
+    Buffer::zeroed(count).map_err(|_| no_memory::<T>(file, count))
+}
+
 fn no_memory<T>(file: &str, count: usize) -> LoadError {
     LoadError::NoMemory { file: file.to_owned(), bytes: count as u64 * size_of::<T>() as u64 }
 }
@@ -369,10 +391,10 @@ mod tests {
 
     #[test]
     fn wide_integers_become_the_narrowest_that_takes_all() {
-        assert_eq!(ints(&[-32768, 32767]).voxels, Voxels::I16(vec![-32768, 32767]));
-        assert_eq!(ints(&[0, 65535, 3]).voxels, Voxels::U16(vec![0, 65535, 3]));
-        assert_eq!(ints(&[-1, 65535]).voxels, Voxels::F32(vec![-1.0, 65535.0]));
-        assert_eq!(ints(&[0, 65536]).voxels, Voxels::F32(vec![0.0, 65536.0]));
+        assert_eq!(ints(&[-32768, 32767]).voxels, Voxels::I16(vec![-32768, 32767].into()));
+        assert_eq!(ints(&[0, 65535, 3]).voxels, Voxels::U16(vec![0, 65535, 3].into()));
+        assert_eq!(ints(&[-1, 65535]).voxels, Voxels::F32(vec![-1.0, 65535.0].into()));
+        assert_eq!(ints(&[0, 65536]).voxels, Voxels::F32(vec![0.0, 65536.0].into()));
     }
 
     #[test]
@@ -381,13 +403,13 @@ mod tests {
         let mut values: Vec<i32> = (0..3 * (CHUNK as i32 / 4)).map(|i| i % 30_000).collect();
         values[CHUNK / 4] = 40_000;
         let as_u16: Vec<u16> = values.iter().map(|&v| v as u16).collect();
-        assert_eq!(ints(&values).voxels, Voxels::U16(as_u16));
+        assert_eq!(ints(&values).voxels, Voxels::U16(as_u16.into()));
         values[CHUNK / 2] = -5;
         let as_f32: Vec<f32> = values.iter().map(|&v| v as f32).collect();
-        assert_eq!(ints(&values).voxels, Voxels::F32(as_f32));
+        assert_eq!(ints(&values).voxels, Voxels::F32(as_f32.into()));
         values[0] = -7;
         let as_f32: Vec<f32> = values.iter().map(|&v| v as f32).collect();
-        assert_eq!(ints(&values).voxels, Voxels::F32(as_f32));
+        assert_eq!(ints(&values).voxels, Voxels::F32(as_f32.into()));
     }
 
     #[test]
@@ -427,16 +449,16 @@ mod tests {
             assert_eq!(read_all(stored, ByteOrder::Big, big).voxels, *expected);
             assert_eq!(read_all(stored, ByteOrder::Little, &little).voxels, *expected);
         }
-        check(StoredType::U8, &[1, 255], &Voxels::U8(vec![1, 255]));
-        check(StoredType::I8, &[1, 255], &Voxels::I16(vec![1, -1]));
-        check(StoredType::I16, &[1, 2, 255, 254], &Voxels::I16(vec![258, -2]));
-        check(StoredType::U16, &[1, 2, 255, 254], &Voxels::U16(vec![258, 65534]));
-        check(StoredType::I32, &(-5i32).to_be_bytes(), &Voxels::I16(vec![-5]));
-        check(StoredType::U32, &5u32.to_be_bytes(), &Voxels::I16(vec![5]));
-        check(StoredType::I64, &(-5i64).to_be_bytes(), &Voxels::I16(vec![-5]));
-        check(StoredType::U64, &5u64.to_be_bytes(), &Voxels::I16(vec![5]));
-        check(StoredType::F32, &1.5f32.to_be_bytes(), &Voxels::F32(vec![1.5]));
-        check(StoredType::F64, &1.5f64.to_be_bytes(), &Voxels::F32(vec![1.5]));
+        check(StoredType::U8, &[1, 255], &Voxels::U8(vec![1, 255].into()));
+        check(StoredType::I8, &[1, 255], &Voxels::I16(vec![1, -1].into()));
+        check(StoredType::I16, &[1, 2, 255, 254], &Voxels::I16(vec![258, -2].into()));
+        check(StoredType::U16, &[1, 2, 255, 254], &Voxels::U16(vec![258, 65534].into()));
+        check(StoredType::I32, &(-5i32).to_be_bytes(), &Voxels::I16(vec![-5].into()));
+        check(StoredType::U32, &5u32.to_be_bytes(), &Voxels::I16(vec![5].into()));
+        check(StoredType::I64, &(-5i64).to_be_bytes(), &Voxels::I16(vec![-5].into()));
+        check(StoredType::U64, &5u64.to_be_bytes(), &Voxels::I16(vec![5].into()));
+        check(StoredType::F32, &1.5f32.to_be_bytes(), &Voxels::F32(vec![1.5].into()));
+        check(StoredType::F64, &1.5f64.to_be_bytes(), &Voxels::F32(vec![1.5].into()));
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! The samples of one channel.
 
+use crate::buffer::Buffer;
+
 /// What the samples of a channel stand for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ChannelKind {
@@ -49,13 +51,13 @@ impl VoxelType {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Voxels {
     /// Unsigned, 8 bits.
-    U8(Vec<u8>),
+    U8(Buffer<u8>),
     /// Signed, 16 bits.
-    I16(Vec<i16>),
+    I16(Buffer<i16>),
     /// Unsigned, 16 bits.
-    U16(Vec<u16>),
+    U16(Buffer<u16>),
     /// IEEE binary32.
-    F32(Vec<f32>),
+    F32(Buffer<f32>),
 }
 
 impl Voxels {
@@ -187,7 +189,7 @@ mod tests {
         Channel {
             name: "pet".into(),
             kind: ChannelKind::Intensity,
-            voxels: Voxels::F32(samples.to_vec()),
+            voxels: Voxels::F32(samples.to_vec().into()),
             slope: 1.0,
             intercept: 0.0,
         }
@@ -198,13 +200,13 @@ mod tests {
         let mut c = floats(&[1.0, f32::NAN, -3.0, f32::INFINITY, f32::NEG_INFINITY, f32::NAN]);
         let count = c.replace_non_finite();
         assert_eq!(count, NonFiniteCount { nan: 2, positive_infinity: 1, negative_infinity: 1 });
-        assert_eq!(c.voxels, Voxels::F32(vec![1.0, -3.0, -3.0, 1.0, -3.0, -3.0]));
+        assert_eq!(c.voxels, Voxels::F32(vec![1.0, -3.0, -3.0, 1.0, -3.0, -3.0].into()));
     }
 
     #[test]
     fn nothing_but_nan_becomes_zero() {
         let mut c = floats(&[f32::NAN; 3]);
         assert_eq!(c.replace_non_finite().nan, 3);
-        assert_eq!(c.voxels, Voxels::F32(vec![0.0; 3]));
+        assert_eq!(c.voxels, Voxels::F32(vec![0.0; 3].into()));
     }
 }

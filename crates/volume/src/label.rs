@@ -188,11 +188,14 @@ mod tests {
     #[test]
     fn counts_the_same_whatever_the_type() {
         let expected = [(-2, 1), (0, 2), (7, 1)].map(|(number, voxels)| LabelCount { number, voxels });
-        let signed = Voxels::I16(vec![0, 7, -2, 0]);
+        let signed = Voxels::I16(vec![0, 7, -2, 0].into());
         assert_eq!(channel(signed, 1.0, 0.0).label_counts(), expected);
-        assert_eq!(channel(Voxels::F32(vec![0.0, 7.0, -2.0, -0.0]), 1.0, 0.0).label_counts(), expected);
-        assert_eq!(channel(Voxels::U8(vec![2, 9, 0, 2]), 1.0, -2.0).label_counts(), expected);
-        assert_eq!(channel(Voxels::U16(vec![2, 9, 0, 2]), 1.0, -2.0).label_counts(), expected);
+        assert_eq!(
+            channel(Voxels::F32(vec![0.0, 7.0, -2.0, -0.0].into()), 1.0, 0.0).label_counts(),
+            expected
+        );
+        assert_eq!(channel(Voxels::U8(vec![2, 9, 0, 2].into()), 1.0, -2.0).label_counts(), expected);
+        assert_eq!(channel(Voxels::U16(vec![2, 9, 0, 2].into()), 1.0, -2.0).label_counts(), expected);
     }
 
     #[test]
@@ -200,10 +203,10 @@ mod tests {
         let blocks: Vec<u8> = (0..1000u32).map(|i| [0, 7, 7, 3][(i % 40 / 10) as usize]).collect();
         let noise: Vec<u8> = (0..1000u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 28) as u8).collect();
         let looks = |voxels: Voxels, slope| channel(voxels, slope, 0.0).looks_like_labels([40, 25, 1]);
-        assert!(looks(Voxels::U8(blocks.clone()), 1.0));
-        assert!(!looks(Voxels::U8(blocks), 0.5), "half numbers");
-        assert!(!looks(Voxels::U8(noise), 1.0));
-        assert!(!looks(Voxels::U8(vec![0; 1000]), 1.0), "nothing at all");
+        assert!(looks(Voxels::U8(blocks.clone().into()), 1.0));
+        assert!(!looks(Voxels::U8(blocks.into()), 0.5), "half numbers");
+        assert!(!looks(Voxels::U8(noise.into()), 1.0));
+        assert!(!looks(Voxels::U8(vec![0; 1000].into()), 1.0), "nothing at all");
     }
 
     #[test]

@@ -8,11 +8,13 @@
 //!
 //! This crate knows no file and no GPU.
 
+mod buffer;
 mod channel;
 mod grid;
 mod label;
 mod statistics;
 
+pub use buffer::{Buffer, NoMemory};
 pub use channel::{Channel, ChannelKind, NonFiniteCount, VoxelType, Voxels};
 pub use grid::{Grid, GridError};
 pub use label::{Label, LabelCount, LabelTable};
@@ -122,7 +124,7 @@ mod tests {
         let channel = |n: usize, slope: f64| Channel {
             name: "ct".into(),
             kind: ChannelKind::Intensity,
-            voxels: Voxels::U8(vec![0; n]),
+            voxels: Voxels::U8(vec![0; n].into()),
             slope,
             intercept: 0.0,
         };

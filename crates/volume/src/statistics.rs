@@ -139,14 +139,14 @@ mod tests {
 
     #[test]
     fn values_are_after_slope_and_intercept() {
-        let s = Statistics::of(&channel(Voxels::I16(vec![0, 100, 200, 300]), 2.0, -1000.0));
+        let s = Statistics::of(&channel(Voxels::I16(vec![0, 100, 200, 300].into()), 2.0, -1000.0));
         assert_eq!((s.minimum, s.maximum, s.mean, s.count), (-1000.0, -400.0, -700.0, 4));
         assert_eq!(s.histogram.counts.iter().sum::<u64>(), 4);
     }
 
     #[test]
     fn a_negative_slope_reverses_the_order() {
-        let s = Statistics::of(&channel(Voxels::U8(vec![0, 0, 0, 255]), -1.0, 0.0));
+        let s = Statistics::of(&channel(Voxels::U8(vec![0, 0, 0, 255].into()), -1.0, 0.0));
         assert_eq!((s.minimum, s.maximum), (-255.0, 0.0));
         assert_eq!((s.histogram.counts[0], s.histogram.counts[255]), (1, 3));
     }
@@ -161,16 +161,17 @@ mod tests {
 
     #[test]
     fn what_is_not_finite_is_left_out() {
-        let s = Statistics::of(&channel(Voxels::F32(vec![f32::NAN, 1.0, f32::INFINITY, 3.0]), 1.0, 0.0));
+        let s =
+            Statistics::of(&channel(Voxels::F32(vec![f32::NAN, 1.0, f32::INFINITY, 3.0].into()), 1.0, 0.0));
         assert_eq!((s.minimum, s.maximum, s.mean, s.count), (1.0, 3.0, 2.0, 2));
-        let none = Statistics::of(&channel(Voxels::F32(vec![f32::NAN; 5]), 1.0, 0.0));
+        let none = Statistics::of(&channel(Voxels::F32(vec![f32::NAN; 5].into()), 1.0, 0.0));
         assert_eq!((none.minimum, none.maximum, none.count), (0.0, 0.0, 0));
         assert_eq!(none.percentile(0.5), 0.0);
     }
 
     #[test]
     fn a_constant_volume_has_one_bin() {
-        let s = Statistics::of(&channel(Voxels::U8(vec![7; 10]), 1.0, 0.0));
+        let s = Statistics::of(&channel(Voxels::U8(vec![7; 10].into()), 1.0, 0.0));
         assert_eq!((s.minimum, s.maximum, s.histogram.counts[0]), (7.0, 7.0, 10));
     }
 }

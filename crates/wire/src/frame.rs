@@ -18,6 +18,8 @@ pub struct FrameHeader {
     pub depends_on: Option<u64>,
     /// The scene that the picture shows.
     pub scene_revision: u32,
+    /// Which volume of a series in time it shows, counted from 0; 0 where there is only one.
+    pub time_step: u32,
     /// [`crate::PoseSample::sequence`] of the pose that the picture was made for.
     pub pose_sequence: u64,
     /// That pose's time: headset clock, microseconds.

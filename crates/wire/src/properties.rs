@@ -144,14 +144,15 @@ fn frame() -> impl Strategy<Value = (FrameHeader, Vec<u8>)> {
         prop::collection::vec(any::<u16>(), 2 * usize::from(columns) * usize::from(rows))
             .prop_map(move |distances_mm| DepthGrid { columns, rows, distances_mm })
     });
-    let numbers = any::<([u64; 4], Option<u64>, u32, [u64; 7])>();
+    let numbers = any::<([u64; 4], Option<u64>, [u32; 2], [u64; 7])>();
     let access_unit = prop::collection::vec(any::<u8>(), 0..200);
     (numbers, prop::array::uniform2(eye), quality(), depth, access_unit).prop_map(
-        |((n, depends_on, scene_revision, t), eyes, quality, depth, access_unit)| {
+        |((n, depends_on, [scene_revision, time_step], t), eyes, quality, depth, access_unit)| {
             let header = FrameHeader {
                 frame: n[0],
                 depends_on,
                 scene_revision,
+                time_step,
                 pose_sequence: n[1],
                 pose_sampled_at_us: n[2],
                 display_at_us: n[3],

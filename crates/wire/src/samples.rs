@@ -224,6 +224,7 @@ pub(crate) fn frame_header(access_unit_bytes: u32) -> FrameHeader {
         frame: 66,
         depends_on: Some(65),
         scene_revision: 4,
+        time_step: 9,
         pose_sequence: 1234,
         pose_sampled_at_us: 20_566_667,
         display_at_us: 20_616_667,

@@ -275,6 +275,7 @@ impl Serving {
             access_unit: &unit.bytes,
             reference: if unit.key_frame { Reference::None } else { Reference::Previous },
             scene_revision: self.scene_revision,
+            time_step: 0,
             times: RenderTimes {
                 render_started,
                 rendered,

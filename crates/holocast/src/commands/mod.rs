@@ -14,6 +14,7 @@ mod load;
 mod presets;
 mod render;
 mod reporting;
+mod series;
 mod serve;
 mod shown;
 mod simulated;

@@ -1,7 +1,8 @@
 //! `holocast serve`.
 
 use crate::cli::Serve;
-use crate::commands::shown::{Shown, quality_named};
+use crate::commands::series::series_of;
+use crate::commands::shown::{Shown, load_options, quality_named};
 use crate::terminal::{progress, progress_done, say, tell};
 use ::render::{Gpu, VolumeOnDevice};
 use anyhow::{Context as _, bail};
@@ -10,6 +11,7 @@ use session::Prediction;
 use std::path::PathBuf;
 use std::sync::Arc;
 use transport::Identity;
+use volume_io::Sequence;
 use volume_io::describe::VolumeDescription;
 
 pub(crate) fn run(arguments: &Serve) -> anyhow::Result<()> {
@@ -52,9 +54,15 @@ pub(crate) fn run(arguments: &Serve) -> anyhow::Result<()> {
         ..defaults
     };
     let description = VolumeDescription::of(&shown.volume_path.display().to_string(), &shown.loaded);
+    let series = series_of(
+        &shown,
+        &load_options(&arguments.chosen),
+        arguments.series_memory_mb.saturating_mul(1_000_000),
+    )?;
+    let volumes = Volumes { on_device, facts: shown.facts, others: shown.others_facts, series };
     // The scene and its volume were named on the command line; what headsets ask for names none.
     let scene = scene::SceneFile { volume: None, ..shown.file };
-    let volumes = Volumes { on_device, facts: shown.facts, others: shown.others_facts };
+    let sequence = shown.loaded.report.sequence;
     // All of it is on the device now: the host's copies go.
     drop((shown.loaded, shown.others));
 
@@ -68,7 +76,7 @@ pub(crate) fn run(arguments: &Serve) -> anyhow::Result<()> {
         let server = Server::start(settings, &identity, &gpu, volumes, &scene)?;
         // Before the server tells of itself: who has read that may ask it to stop at once.
         let stopped = stop_signal()?;
-        announce(arguments, &server, &gpu, &description, &identity_folder)?;
+        announce(arguments, &server, &gpu, &description, &identity_folder, (sequence, scene.play))?;
         tokio::select! {
             () = stopped => {}
             () = server.failed() => {
@@ -123,6 +131,7 @@ fn announce(
     gpu: &Gpu,
     description: &VolumeDescription,
     identity_folder: &std::path::Path,
+    (series, play): (Option<Sequence>, Option<scene::Play>),
 ) -> anyhow::Result<()> {
     if arguments.json {
         say(serde_json::to_string(&serde_json::json!({
@@ -134,6 +143,7 @@ fn announce(
                 "name": arguments.volume.as_deref().or(arguments.scene.as_deref()).map(|p| p.display().to_string()),
                 "dims": description.dims,
                 "spacing_mm": description.spacing_mm,
+                "steps": series.map_or(1, |series| series.steps),
             },
         }))?);
         return Ok(());
@@ -148,11 +158,27 @@ fn announce(
         "volume       {}: {nx}x{ny}x{nz} voxels of {sx:.3}x{sy:.3}x{sz:.3} mm, {}",
         description.file, description.orientation
     ));
+    if let Some(told) = told_series(series, play) {
+        say(told);
+    }
     if arguments.pairing_code.is_none() {
         say("pairing      none: everyone who reaches the port sees; --pairing-code CODE asks for one");
     }
     say("Ctrl-C stops.");
     Ok(())
+}
+
+/// What people are told of a series in time.
+fn told_series(series: Option<Sequence>, play: Option<scene::Play>) -> Option<String> {
+    let Sequence { steps, loaded, .. } = series?;
+    let from = play.and_then(|play| play.from).map_or(loaded, u64::from);
+    let how = match play {
+        Some(play) if play.steps_per_sec > 0.0 => {
+            format!("played from step {from} at {} a second", play.steps_per_sec)
+        }
+        _ => format!("step {from} is shown; a scene with \"play\" plays them"),
+    };
+    Some(format!("series       {steps} steps in time, {how}"))
 }
 
 /// Where certificate and key lie unless told otherwise.

@@ -1,42 +1,73 @@
 //! `holocast headset --verify`: decoded pictures against the exact ones.
 
 use crate::cli::{HeadsetArguments, Look};
-use crate::commands::shown::Shown;
+use crate::commands::shown::{Shown, load_options, load_volume};
 use crate::terminal::{progress, progress_done};
 use headset::{HeadsetRun, SampledFrame};
 use report::{PictureError, Verification, VerifiedFrame};
+use scene::Scene;
+use std::collections::BTreeMap;
 use truth::Exact;
+use volume::Volume;
+use volume_io::LoadOptions;
 
 /// What the server shows, as the command line says.
-pub(crate) struct Known(Shown);
+pub(crate) struct Known {
+    shown: Shown,
+    options: LoadOptions,
+}
 
 impl Known {
     pub(crate) fn load(arguments: &HeadsetArguments) -> anyhow::Result<Self> {
-        Ok(Self(Shown::load(
+        let shown = Shown::load(
             arguments.scene.as_deref(),
             arguments.volume.as_deref(),
             &arguments.chosen,
             &Look::default(),
-        )?))
+        )?;
+        Ok(Self { shown, options: load_options(&arguments.chosen) })
     }
 
+    /// What is seen at the beginning.
     pub(crate) fn exact(&self) -> anyhow::Result<Exact<'_>> {
-        Ok(Exact::of_several(&self.0.loaded.volume, &self.0.others(), &self.0.scene)?)
+        Ok(Exact::of_several(&self.shown.loaded.volume, &self.shown.others(), &self.shown.scene)?)
+    }
+
+    /// A step of the series that the server plays: the volume, and the scene with its gaps filled as the server does.
+    fn step(&self, step: u32) -> anyhow::Result<(Volume, Scene)> {
+        let options = LoadOptions { time: u64::from(step), ..self.options.clone() };
+        let volume = load_volume(&self.shown.volume_path, options)?.volume;
+        let facts = self.shown.facts.of_step(&volume);
+        let scene = self.shown.file.resolve_among(&facts, &self.shown.others_facts)?;
+        Ok((volume, scene))
     }
 }
 
 /// Looks at the pictures that a run has put aside.
 pub(crate) fn verified(known: &Known, run: &HeadsetRun) -> anyhow::Result<Verification> {
-    let exact = known.exact()?;
     // A scene that came later is not the one that is known here.
     let first = run.session.as_ref().map(|session| session.scene_revision);
     let (same, other): (Vec<_>, Vec<_>) =
         run.sampled.iter().partition(|sampled| Some(sampled.scene_revision) == first);
-    let mut frames = Vec::new();
-    for (index, sampled) in same.iter().enumerate() {
-        progress(format!("exact pictures: {index} of {}", same.len()));
-        frames.push(verified_frame(&exact, sampled)?);
+    let mut of_steps: BTreeMap<u32, Vec<&SampledFrame>> = BTreeMap::new();
+    for sampled in &same {
+        of_steps.entry(sampled.time_step).or_default().push(sampled);
     }
+    let loaded = known.shown.loaded.report.sequence.map_or(0, |sequence| sequence.loaded);
+    let mut frames = Vec::new();
+    for (step, sampled) in of_steps {
+        let another = (u64::from(step) != loaded).then(|| known.step(step)).transpose()?;
+        let (volume, scene) = match &another {
+            Some((volume, scene)) => (volume, scene),
+            None => (&known.shown.loaded.volume, &known.shown.scene),
+        };
+        let exact = Exact::of_several(volume, &known.shown.others(), scene)?;
+        for sampled in sampled {
+            progress(format!("exact pictures: {} of {}", frames.len(), same.len()));
+            frames.push(verified_frame(&exact, sampled)?);
+        }
+    }
+    frames.sort_by_key(|verified| verified.frame);
     progress_done();
     Ok(Verification { frames, skipped: other.len() as u64 })
 }

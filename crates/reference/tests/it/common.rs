@@ -19,7 +19,7 @@ pub(crate) fn volume_on(grid: Grid, value: impl Fn(DVec3) -> f64) -> Volume {
     let channel = Channel {
         name: "test".into(),
         kind: ChannelKind::Intensity,
-        voxels: Voxels::F32(samples),
+        voxels: Voxels::F32(samples.into()),
         slope: 1.0,
         intercept: 0.0,
     };

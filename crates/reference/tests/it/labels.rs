@@ -7,7 +7,7 @@ use volume::{Channel, ChannelKind, Grid, Volume, Voxels};
 /// A row of voxels of 2 mm.
 fn row(labels: &[i16]) -> Volume {
     let grid = Grid::axis_aligned([labels.len() as u32, 1, 1], DVec3::splat(2.0)).expect("a grid");
-    let voxels = Voxels::I16(labels.to_vec());
+    let voxels = Voxels::I16(labels.to_vec().into());
     let channel =
         Channel { name: "labels".into(), kind: ChannelKind::Label, voxels, slope: 1.0, intercept: 0.0 };
     Volume::new(grid, vec![channel]).expect("a volume")
@@ -81,7 +81,7 @@ fn a_scene_for_measured_values_is_refused_for_labels() {
 #[test]
 fn where_a_label_is_all_around_there_is_no_highlight() {
     let grid = oblique([6, 5, 7], [1.3, 0.7, 1.9]);
-    let voxels = Voxels::U8(vec![1; 6 * 5 * 7]);
+    let voxels = Voxels::U8(vec![1; 6 * 5 * 7].into());
     let name = "labels".into();
     let channel = Channel { name, kind: ChannelKind::Label, voxels, slope: 1.0, intercept: 0.0 };
     let volume = Volume::new(grid, vec![channel]).expect("a volume");

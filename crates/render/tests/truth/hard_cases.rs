@@ -462,7 +462,7 @@ fn nan_and_infinity_are_replaced_at_load_counted_and_else_refused() {
     let view = eye(DVec3::new(25.0, 22.0, 20.0), DVec3::splat(5.5), fov(30.0, SIZE));
     any_and_true("NaN replaced", &Arc::new(loaded.volume), 0.15, 0.85, view);
     // Not replaced, they are no volume for a shader.
-    let raw = volume_on(straight([n; 3], [1.0; 3]), volume::Voxels::F32(values));
+    let raw = volume_on(straight([n; 3], [1.0; 3]), volume::Voxels::F32(values.into()));
     let refused = VolumeOnDevice::upload(gpu(), &raw, |_| {});
     assert!(matches!(refused, Err(RenderError::NotFinite { count: 4, .. })), "{refused:?}");
 }

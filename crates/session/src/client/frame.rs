@@ -55,6 +55,7 @@ impl ReceivedFrame {
             frame: number,
             depends_on,
             scene_revision: 0,
+            time_step: 0,
             pose_sequence: number,
             pose_sampled_at_us: 0,
             display_at_us: 0,

@@ -88,6 +88,8 @@ pub struct EncodedFrame<'a> {
     pub reference: Reference,
     /// The scene that it shows.
     pub scene_revision: u32,
+    /// Which volume of a series in time it shows, counted from 0.
+    pub time_step: u32,
     /// When it passed through which stage.
     pub times: RenderTimes,
     /// What was spent on it.
@@ -336,6 +338,7 @@ fn header(
         frame: ticket.number,
         depends_on,
         scene_revision: frame.scene_revision,
+        time_step: frame.time_step,
         pose_sequence: ticket.pose.sequence,
         pose_sampled_at_us: ticket.pose.sampled_at.as_micros(),
         display_at_us: ticket.pose.display_at.as_micros(),

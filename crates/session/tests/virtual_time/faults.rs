@@ -71,6 +71,7 @@ fn encode(ticket: &FrameTicket, reference: Reference) -> EncodedFrame<'static> {
         access_unit: &[1, 2, 3],
         reference,
         scene_revision: 0,
+        time_step: 0,
         times,
         quality: wire::Quality::default(),
         depth: wire::DepthGrid::default(),

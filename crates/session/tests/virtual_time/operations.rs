@@ -117,6 +117,7 @@ proptest! {
                             access_unit: &[1],
                             reference,
                             scene_revision: 0,
+                            time_step: 0,
                             times: RenderTimes {
                                 render_started: at, rendered: at, converted: at, encode_started: at, encoded: at,
                             },

@@ -347,6 +347,7 @@ impl World {
             access_unit: &access_unit,
             reference,
             scene_revision: 0,
+            time_step: 0,
             times: RenderTimes {
                 render_started: server_time(render_started),
                 rendered: server_time(rendered),

@@ -15,7 +15,7 @@ mod syntax;
 mod tags;
 
 use crate::load::{checked_axis, checked_scaling, finish};
-use crate::samples::zeroed;
+use crate::samples::{zeroed, zeroed_buffer};
 use crate::source::Source;
 use crate::text::short;
 use crate::{Format, LoadError, LoadOptions, Loaded};
@@ -26,7 +26,7 @@ use rayon::prelude::*;
 use stack::{Names, Slice, Stack};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicUsize, Ordering};
-use volume::{Channel, ChannelKind, Voxels};
+use volume::{Buffer, Channel, ChannelKind, Voxels};
 
 pub(crate) use object::is_file;
 
@@ -410,15 +410,15 @@ struct Reading<'a> {
 
 impl Reading<'_> {
     /// Reads and decodes all slices on all cores, each into its place.
-    fn read<T: Held>(&self) -> Result<(Vec<T>, f64), LoadError> {
+    fn read<T: Held>(&self) -> Result<(Buffer<T>, f64), LoadError> {
         let [columns, rows, _] = self.stack.grid.dims().map(|n| n as usize);
         let slice_length = columns * rows;
         let places = &self.stack.places;
-        let mut voxels: Vec<T> = zeroed(self.path, slice_length * places.len())?;
+        let mut voxels: Buffer<T> = zeroed_buffer(self.path, slice_length * places.len())?;
         let done = AtomicUsize::new(0);
         // What lies between the same two slices is made together, so that each is decoded at most twice.
         let mut work = Vec::new();
-        let mut rest = voxels.as_mut_slice();
+        let mut rest = &mut *voxels;
         for between in places.chunk_by(|a, b| a.0 == b.0) {
             let (here, after) = rest.split_at_mut(between.len() * slice_length);
             work.push((between, here));

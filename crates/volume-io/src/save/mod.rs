@@ -146,10 +146,10 @@ fn cut_out(volume: Volume, options: &SaveOptions) -> Result<Picture, SaveError> 
     let volume_from_index = grid.volume_from_index() * DAffine3::from_translation(first);
     let cropped = Grid::new([0, 1, 2].map(|axis| crop[axis].len() as u32), volume_from_index)?;
     channel.voxels = match &channel.voxels {
-        Voxels::U8(v) => Voxels::U8(cropped_samples(v, dims, crop)),
-        Voxels::I16(v) => Voxels::I16(cropped_samples(v, dims, crop)),
-        Voxels::U16(v) => Voxels::U16(cropped_samples(v, dims, crop)),
-        Voxels::F32(v) => Voxels::F32(cropped_samples(v, dims, crop)),
+        Voxels::U8(v) => Voxels::U8(cropped_samples(v, dims, crop).into()),
+        Voxels::I16(v) => Voxels::I16(cropped_samples(v, dims, crop).into()),
+        Voxels::U16(v) => Voxels::U16(cropped_samples(v, dims, crop).into()),
+        Voxels::F32(v) => Voxels::F32(cropped_samples(v, dims, crop).into()),
     };
     Ok(Picture { grid: cropped, channel, notes: Vec::new() })
 }

@@ -83,9 +83,9 @@ fn a_json_beside_it_describes_other_tilings() {
     assert_eq!(loaded.volume.grid().spacing_mm().to_array(), [1.0, 2.0, 3.0]);
     assert_noted(&loaded, "the alpha component is 255 everywhere");
     let [pet, ct, labels] = loaded.volume.channels() else { panic!() };
-    assert_eq!(pet.voxels, Voxels::U8(vec![1, 2, 5, 6, 3, 4, 7, 8]));
-    assert_eq!(ct.voxels, Voxels::U8(vec![11, 12, 15, 16, 13, 14, 17, 18]));
-    assert_eq!(labels.voxels, Voxels::U8(vec![0; 8]));
+    assert_eq!(pet.voxels, Voxels::U8(vec![1, 2, 5, 6, 3, 4, 7, 8].into()));
+    assert_eq!(ct.voxels, Voxels::U8(vec![11, 12, 15, 16, 13, 14, 17, 18].into()));
+    assert_eq!(labels.voxels, Voxels::U8(vec![0; 8].into()));
 }
 
 #[test]
@@ -95,7 +95,7 @@ fn a_json_names_channels_and_slices() {
         {"component": "G", "name": "ct", "slope": 16, "intercept": -1000}]}"#;
     let loaded = small(json, &four_components()).unwrap();
     let [mask, ct] = loaded.volume.channels() else { panic!() };
-    assert_eq!((&mask.voxels, mask.kind), (&Voxels::U8(vec![255; 4]), ChannelKind::Label));
+    assert_eq!((&mask.voxels, mask.kind), (&Voxels::U8(vec![255; 4].into()), ChannelKind::Label));
     assert_eq!((ct.value(0), ct.name.as_str()), (11.0 * 16.0 - 1000.0, "ct"));
     assert_eq!(loaded.report.notes, [""; 0]);
 }
@@ -106,7 +106,10 @@ fn equal_components_are_one_channel() {
     let loaded = small(TILES, &encode(4, 2, ColorType::Rgba, BitDepth::Eight, &data)).unwrap();
     assert_noted(&loaded, "the 4 components of every pixel are equal");
     let [image] = loaded.volume.channels() else { panic!() };
-    assert_eq!((image.name.as_str(), &image.voxels), ("image", &Voxels::U8(vec![1, 2, 5, 6, 3, 4, 7, 8])));
+    assert_eq!(
+        (image.name.as_str(), &image.voxels),
+        ("image", &Voxels::U8(vec![1, 2, 5, 6, 3, 4, 7, 8].into()))
+    );
 }
 
 #[test]
@@ -115,8 +118,8 @@ fn components_that_differ_in_the_last_row_only_are_four_channels() {
     data[7 * 4 + 1] = 99;
     let loaded = small(TILES, &encode(4, 2, ColorType::Rgba, BitDepth::Eight, &data)).unwrap();
     let [pet, ct, labels, spare] = loaded.volume.channels() else { panic!() };
-    assert_eq!(pet.voxels, Voxels::U8(vec![1, 2, 5, 6, 3, 4, 7, 8]));
-    assert_eq!(ct.voxels, Voxels::U8(vec![1, 2, 5, 6, 3, 4, 7, 99]));
+    assert_eq!(pet.voxels, Voxels::U8(vec![1, 2, 5, 6, 3, 4, 7, 8].into()));
+    assert_eq!(ct.voxels, Voxels::U8(vec![1, 2, 5, 6, 3, 4, 7, 99].into()));
     assert_eq!((&labels.voxels, &spare.voxels), (&pet.voxels, &pet.voxels));
 }
 
@@ -125,7 +128,7 @@ fn grey_of_sixteen_bits_is_uint16() {
     let data: Vec<u8> = (0..8u16).flat_map(|i| (i * 5000).to_be_bytes()).collect();
     let loaded = small(TILES, &encode(4, 2, ColorType::Grayscale, BitDepth::Sixteen, &data)).unwrap();
     let expected = [0, 5000, 20_000, 25_000, 10_000, 15_000, 30_000, 35_000];
-    assert_eq!(loaded.volume.channels()[0].voxels, Voxels::U16(expected.to_vec()));
+    assert_eq!(loaded.volume.channels()[0].voxels, Voxels::U16(expected.to_vec().into()));
 }
 
 #[test]

@@ -421,10 +421,10 @@ fn bits_that_are_not_stored_are_cut_off_and_signs_extended() {
             .short(0x0028, 0x0103, signed);
         parts(&[slice]).unwrap().volume.channels()[0].voxels.clone()
     };
-    assert_eq!(read(0xf123, 0), Voxels::U16(vec![0x123; 4]));
-    assert_eq!(read(0x0fff, 1), Voxels::I16(vec![-1; 4]));
+    assert_eq!(read(0xf123, 0), Voxels::U16(vec![0x123; 4].into()));
+    assert_eq!(read(0x0fff, 1), Voxels::I16(vec![-1; 4].into()));
     let high = Slice::at(0.0, 0x1230).short(0x0028, 0x0101, 12).short(0x0028, 0x0102, 15);
-    assert_eq!(parts(&[high]).unwrap().volume.channels()[0].voxels, Voxels::U16(vec![0x123; 4]));
+    assert_eq!(parts(&[high]).unwrap().volume.channels()[0].voxels, Voxels::U16(vec![0x123; 4].into()));
 }
 
 #[test]

@@ -20,7 +20,7 @@ fn with(from: &str, to: &str) -> LoadError {
 fn voxels_follow_the_header() {
     let loaded = load_ok(&local(HEADER));
     assert_eq!(loaded.report.format, Format::MetaImage);
-    assert_eq!(loaded.volume.channels()[0].voxels, Voxels::U8(b"12345678".to_vec()));
+    assert_eq!(loaded.volume.channels()[0].voxels, Voxels::U8(b"12345678".to_vec().into()));
     assert_eq!(loaded.volume.grid().volume_from_index().translation.to_array(), [1.0, 2.0, 3.0]);
     assert!(loaded.report.notes.is_empty(), "{:?}", loaded.report.notes);
 }
@@ -51,12 +51,12 @@ fn of_a_series_the_volume_that_was_asked_for_is_loaded() {
     let series = "NDims = 4\nDimSize = 2 2 1 2\nTransformMatrix = 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\nOffset = 1 2 3 0\n\
                   ElementSpacing = 1 1 2 0.5\nElementType = MET_UCHAR\n";
     let loaded = load_ok(&local(series));
-    assert_eq!(loaded.volume.channels()[0].voxels, Voxels::U8(b"1234".to_vec()));
+    assert_eq!(loaded.volume.channels()[0].voxels, Voxels::U8(b"1234".to_vec().into()));
     assert_eq!(loaded.volume.grid().spacing_mm().to_array(), [1.0, 1.0, 2.0]);
     assert_noted(&loaded, "a series of 2 volumes");
     let second = LoadOptions { time: 1, ..LoadOptions::default() };
     let loaded = load_bytes("test", &local(series), &second).unwrap();
-    assert_eq!(loaded.volume.channels()[0].voxels, Voxels::U8(b"5678".to_vec()));
+    assert_eq!(loaded.volume.channels()[0].voxels, Voxels::U8(b"5678".to_vec().into()));
     let sequence = Sequence { steps: 2, loaded: 1, step_secs: Some(0.5) };
     assert_eq!(loaded.report.sequence, Some(sequence));
     // Where only the voxels at the end of a file are said, they are those of all volumes.
@@ -64,7 +64,7 @@ fn of_a_series_the_volume_that_was_asked_for_is_loaded() {
     for (options, expected) in [(LoadOptions::default(), b"1234"), (second, b"5678")] {
         let loaded =
             load_parts("a.mhd", header.as_bytes(), &[("a.raw", b"before12345678")], &options).unwrap();
-        assert_eq!(loaded.volume.channels()[0].voxels, Voxels::U8(expected.to_vec()));
+        assert_eq!(loaded.volume.channels()[0].voxels, Voxels::U8(expected.to_vec().into()));
     }
 }
 
@@ -119,5 +119,5 @@ fn files_beside_the_header_stay_in_its_folder() {
     assert_field(&parts("LIST\na\nb\nc", &[]).unwrap_err(), "ElementDataFile", &["2 files"]);
     assert_field(&parts("LIST 9D\na\nb", &[]).unwrap_err(), "ElementDataFile", &["LIST 9D"]);
     let loaded = parts("LIST 3D\na", &[("a", b"12345678")]).unwrap();
-    assert_eq!(loaded.volume.channels()[0].voxels, Voxels::U8(b"12345678".to_vec()));
+    assert_eq!(loaded.volume.channels()[0].voxels, Voxels::U8(b"12345678".to_vec().into()));
 }

@@ -98,7 +98,7 @@ fn of_a_series_the_volume_that_was_asked_for_is_loaded() {
         for time in 0..3 {
             let loaded = load_bytes("test", &bytes, &LoadOptions { time, ..LoadOptions::default() }).unwrap();
             let expected: Vec<i16> = (0..60).map(|i| (i + 60 * time as i16) % 125).collect();
-            assert_eq!(loaded.volume.channels()[0].voxels, Voxels::I16(expected), "step {time}");
+            assert_eq!(loaded.volume.channels()[0].voxels, Voxels::I16(expected.into()), "step {time}");
             let sequence = Sequence { steps: 3, loaded: time, step_secs: Some(0.0025) };
             assert_eq!(loaded.report.sequence, Some(sequence));
         }
@@ -231,7 +231,7 @@ fn samples_that_are_no_numbers_are_replaced_and_counted() {
 
     let all = load_ok(&patched(name, &[(352, &f32s(&[f32::NAN; 60]))]));
     assert_eq!(all.report.non_finite[0].nan, 60);
-    assert_eq!(all.volume.channels()[0].voxels, Voxels::F32(vec![0.0; 60]));
+    assert_eq!(all.volume.channels()[0].voxels, Voxels::F32(vec![0.0; 60].into()));
 }
 
 #[test]

@@ -45,7 +45,7 @@ fn the_patient_is_where_the_space_says() {
 fn lines_may_end_as_on_windows_and_comments_are_passed_over() {
     let text =
         String::from_utf8(raw()).unwrap().replace("encoding", "# a: b\nencoding").replace('\n', "\r\n");
-    assert_eq!(load_ok(text.as_bytes()).volume.channels()[0].voxels, Voxels::U8(b"12345678".to_vec()));
+    assert_eq!(load_ok(text.as_bytes()).volume.channels()[0].voxels, Voxels::U8(b"12345678".to_vec().into()));
 }
 
 #[test]
@@ -74,14 +74,14 @@ fn of_a_series_the_volume_that_was_asked_for_is_loaded() {
     let series = "NRRD0004\ntype: uchar\ndimension: 4\nsizes: 2 2 1 3\nencoding: raw\nspace: LPS\n\
                   space directions: (1,0,0) (0,1,0) (0,0,2) none\nspace origin: (0,0,0)\n\n123456789abc";
     let loaded = load_ok(series.as_bytes());
-    assert_eq!(loaded.volume.channels()[0].voxels, Voxels::U8(b"1234".to_vec()));
+    assert_eq!(loaded.volume.channels()[0].voxels, Voxels::U8(b"1234".to_vec().into()));
     assert_noted(&loaded, "a series of 3 volumes");
     let time = series
         .replace("LPS", "LPST")
         .replace("0)", "0,0)")
         .replace("(0,0,2)", "(0,0,2,0)")
         .replace("none", "(0,0,0,1)");
-    assert_eq!(load_ok(time.as_bytes()).volume.channels()[0].voxels, Voxels::U8(b"1234".to_vec()));
+    assert_eq!(load_ok(time.as_bytes()).volume.channels()[0].voxels, Voxels::U8(b"1234".to_vec().into()));
     let timed =
         series.replace("encoding", "spacings: nan nan nan 40\nunits: \"\" \"\" \"\" \"ms\"\nencoding");
     let mut gzip = ZlibEncoder::new(Vec::new(), Compression::best());
@@ -99,7 +99,7 @@ fn of_a_series_the_volume_that_was_asked_for_is_loaded() {
         for (time, expected) in [(0, b"1234"), (1, b"5678"), (2, b"9abc")] {
             let loaded =
                 load_parts("test", file, &beside, &LoadOptions { time, ..LoadOptions::default() }).unwrap();
-            assert_eq!(loaded.volume.channels()[0].voxels, Voxels::U8(expected.to_vec()));
+            assert_eq!(loaded.volume.channels()[0].voxels, Voxels::U8(expected.to_vec().into()));
             let sequence = Sequence { steps: 3, loaded: time, step_secs: Some(0.04) };
             assert_eq!(loaded.report.sequence, Some(sequence));
         }
@@ -117,7 +117,7 @@ fn compressed_voxels_may_begin_as_gzip_or_zlib_and_end_with_their_checksum() {
     let mut zlib = ZlibEncoder::new(head, Compression::best());
     zlib.write_all(b"12345678").unwrap();
     for file in [&gzip, &zlib.finish().unwrap()] {
-        assert_eq!(load_ok(file).volume.channels()[0].voxels, Voxels::U8(b"12345678".to_vec()));
+        assert_eq!(load_ok(file).volume.channels()[0].voxels, Voxels::U8(b"12345678".to_vec().into()));
     }
     let mut wrong = gzip.clone();
     let checksum = wrong.len() - 8;
@@ -133,7 +133,7 @@ fn a_bomb_is_read_as_far_as_the_header_says() {
         GzEncoder::new(format!("{}encoding: gzip\n{SPACE}\n", header("")).into_bytes(), Compression::best());
     bomb.write_all(&vec![7; 64 << 20]).unwrap();
     let loaded = load_ok(&bomb.finish().unwrap());
-    assert_eq!(loaded.volume.channels()[0].voxels, Voxels::U8(vec![7; 8]));
+    assert_eq!(loaded.volume.channels()[0].voxels, Voxels::U8(vec![7; 8].into()));
     assert_noted(&loaded, "65536 bytes or more after the voxels");
 }
 

@@ -23,13 +23,13 @@ fn values_have_the_byte_order_slope_and_intercept_of_the_header() {
     let loaded = parts(&header(&more), EIGHT).unwrap();
     assert_eq!(loaded.report.format, Format::Raw);
     let channel = &loaded.volume.channels()[0];
-    assert_eq!(channel.voxels, Voxels::I16(vec![1, -1, 256, 4]));
+    assert_eq!(channel.voxels, Voxels::I16(vec![1, -1, 256, 4].into()));
     assert_eq!((channel.name.as_str(), channel.value(2)), ("ct", -488.0));
     assert_eq!(loaded.volume.grid().spacing_mm().to_array(), [0.5, 0.5, 2.0]);
     assert_eq!(loaded.volume.grid().orientation().0, "LPS");
     let little = header(SPACING).replace("big", "little");
     let little = parts(&little, EIGHT).unwrap();
-    assert_eq!(little.volume.channels()[0].voxels, Voxels::I16(vec![256, -1, 1, 1024]));
+    assert_eq!(little.volume.channels()[0].voxels, Voxels::I16(vec![256, -1, 1, 1024].into()));
 }
 
 #[test]
@@ -40,9 +40,9 @@ fn each_type_is_read() {
         );
         parts(&header, bytes).unwrap().volume.channels()[0].voxels.clone()
     };
-    assert_eq!(read("uint8", &[1, 2]), Voxels::U8(vec![1, 2]));
-    assert_eq!(read("uint16", &[1, 2, 255, 255]), Voxels::U16(vec![513, 65535]));
-    assert_eq!(read("float32", &[0, 0, 128, 63, 0, 0, 0, 0]), Voxels::F32(vec![1.0, 0.0]));
+    assert_eq!(read("uint8", &[1, 2]), Voxels::U8(vec![1, 2].into()));
+    assert_eq!(read("uint16", &[1, 2, 255, 255]), Voxels::U16(vec![513, 65535].into()));
+    assert_eq!(read("float32", &[0, 0, 128, 63, 0, 0, 0, 0]), Voxels::F32(vec![1.0, 0.0].into()));
 }
 
 #[test]
@@ -50,7 +50,7 @@ fn samples_that_are_no_numbers_are_counted() {
     let header = r#"{"raw": "scan.raw", "dims": [1, 1, 2], "type": "float32", "endian": "little", "spacing_mm": [1, 1, 1]}"#;
     let loaded = parts(header, &[0, 0, 192, 127, 0, 0, 128, 63]).unwrap();
     assert_eq!(loaded.report.non_finite[0].nan, 1);
-    assert_eq!(loaded.volume.channels()[0].voxels, Voxels::F32(vec![1.0, 1.0]));
+    assert_eq!(loaded.volume.channels()[0].voxels, Voxels::F32(vec![1.0, 1.0].into()));
 }
 
 #[test]
@@ -59,8 +59,8 @@ fn channels_follow_each_other() {
         "channels": [{"name": "ct", "slope": 4}, {"name": "organs", "kind": "label"}]}"#;
     let loaded = parts(json, &[9, 9, 9, 1, 2, 3, 4]).unwrap();
     let [ct, organs] = loaded.volume.channels() else { panic!() };
-    assert_eq!((&ct.voxels, ct.slope), (&Voxels::U8(vec![1, 2]), 4.0));
-    assert_eq!((&organs.voxels, organs.kind), (&Voxels::U8(vec![3, 4]), ChannelKind::Label));
+    assert_eq!((&ct.voxels, ct.slope), (&Voxels::U8(vec![1, 2].into()), 4.0));
+    assert_eq!((&organs.voxels, organs.kind), (&Voxels::U8(vec![3, 4].into()), ChannelKind::Label));
     let both = json.replace("\"offset_bytes\"", "\"slope\": 2, \"offset_bytes\"");
     assert_field(&parts(&both, &[0; 7]).unwrap_err(), "channels", &[]);
 }
