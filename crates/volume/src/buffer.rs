@@ -39,18 +39,19 @@ impl<T: Pod> Buffer<T> {
     pub fn zeroed(count: usize) -> Result<Self, NoMemory> {
         let refused = NoMemory { count, sample_bytes: size_of::<T>() };
         let bytes = count.checked_mul(size_of::<T>()).ok_or(refused)?;
-        if bytes < PAGES_FROM_BYTES {
-            let zeros = bytemuck::allocation::try_zeroed_vec(count).map_err(|()| refused)?;
-            return Ok(Self(Memory::Heap(zeros)));
+        // A system that does not hand out pages may have room on its heap.
+        if let Some(map) = (bytes >= PAGES_FROM_BYTES).then(|| MmapMut::map_anon(bytes).ok()).flatten() {
+            // A wish: without it the pages are smaller and all else is the same.
+            #[cfg(target_os = "linux")]
+            let _ = map.advise(memmap2::Advice::HugePage);
+            return Ok(Self(Memory::Pages { map, count, of: PhantomData }));
         }
-        let map = MmapMut::map_anon(bytes).map_err(|_| refused)?;
-        // A wish: without it the pages are smaller and all else is the same.
-        #[cfg(target_os = "linux")]
-        let _ = map.advise(memmap2::Advice::HugePage);
-        Ok(Self(Memory::Pages { map, count, of: PhantomData }))
+        let zeros = bytemuck::allocation::try_zeroed_vec(count).map_err(|()| refused)?;
+        Ok(Self(Memory::Heap(zeros)))
     }
 
-    /// Keeps the first `count` samples. Memory of a `Vec` is given back at once, pages with the last sample of all.
+    /// Keeps the first `count` samples, or all if there are no more. What a `Vec` held beyond them is given back at once,
+    /// what pages held when the buffer goes.
     pub fn truncate(&mut self, count: usize) {
         match &mut self.0 {
             Memory::Heap(samples) => {
@@ -133,6 +134,41 @@ mod tests {
         assert!(pages != heap);
         pages.truncate(7);
         assert_eq!(&pages[..], &heap[..7]);
+    }
+
+    /// What the system notes of the memory at an address: the line `VmFlags` of its map.
+    #[cfg(target_os = "linux")]
+    fn flags_of_memory_at(address: usize) -> String {
+        let maps = std::fs::read_to_string("/proc/self/smaps").unwrap();
+        let holds = |line: &str| {
+            let (low, high) = line.split_whitespace().next()?.split_once('-')?;
+            let [low, high] = [low, high].map(|hex| usize::from_str_radix(hex, 16));
+            Some((low.ok()?..high.ok()?).contains(&address))
+        };
+        let mut lines = maps.lines().skip_while(|line| holds(line) != Some(true));
+        lines.find_map(|line| line.strip_prefix("VmFlags:")).unwrap().to_owned()
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn large_pages_are_asked_for() {
+        // A kernel that was built without them knows no such wish.
+        if std::path::Path::new("/sys/kernel/mm/transparent_hugepage").exists() {
+            let pages = Buffer::<u8>::zeroed(2 * PAGES_FROM_BYTES).unwrap();
+            let flags = flags_of_memory_at(pages.as_ptr().addr() + PAGES_FROM_BYTES);
+            assert!(flags.split_whitespace().any(|flag| flag == "hg"), "{flags}");
+        }
+    }
+
+    #[test]
+    fn truncating_never_grows() {
+        let pages = Buffer::<u16>::zeroed(PAGES_FROM_BYTES).unwrap();
+        for mut buffer in [pages, Buffer::from(vec![0u16; 9])] {
+            for (asked, kept) in [(8, 8), (9, 8), (usize::MAX, 8), (0, 0), (1, 0)] {
+                buffer.truncate(asked);
+                assert_eq!(buffer.len(), kept);
+            }
+        }
     }
 
     #[test]

@@ -1,6 +1,10 @@
 //! The samples of one channel.
 
 use crate::buffer::Buffer;
+use rayon::prelude::*;
+
+/// Samples that one task looks at.
+const CHUNK: usize = 1 << 20;
 
 /// What the samples of a channel stand for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -144,6 +148,14 @@ impl NonFiniteCount {
     pub fn total(&self) -> usize {
         self.nan + self.positive_infinity + self.negative_infinity
     }
+
+    fn plus(self, other: Self) -> Self {
+        Self {
+            nan: self.nan + other.nan,
+            positive_infinity: self.positive_infinity + other.positive_infinity,
+            negative_infinity: self.negative_infinity + other.negative_infinity,
+        }
+    }
 }
 
 impl Channel {
@@ -155,30 +167,46 @@ impl Channel {
 
     /// Replaces samples that are NaN or infinite, and counts them. A channel without any finite sample becomes 0.
     pub fn replace_non_finite(&mut self) -> NonFiniteCount {
-        let mut count = NonFiniteCount::default();
-        let Voxels::F32(samples) = &mut self.voxels else { return count };
-        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
-        for &s in samples.iter().filter(|s| s.is_finite()) {
-            low = low.min(s);
-            high = high.max(s);
+        match &mut self.voxels {
+            Voxels::F32(samples) => replace_non_finite(samples),
+            Voxels::U8(_) | Voxels::I16(_) | Voxels::U16(_) => NonFiniteCount::default(),
         }
-        if low > high {
-            (low, high) = (0.0, 0.0);
-        }
-        for s in samples.iter_mut().filter(|s| !s.is_finite()) {
-            if s.is_nan() {
-                count.nan += 1;
-                *s = low;
-            } else if *s > 0.0 {
-                count.positive_infinity += 1;
-                *s = high;
-            } else {
-                count.negative_infinity += 1;
-                *s = low;
-            }
-        }
-        count
     }
+}
+
+/// On all cores; what is finite throughout is read once and not written.
+fn replace_non_finite(samples: &mut [f32]) -> NonFiniteCount {
+    let (low, high, count) = samples
+        .par_chunks(CHUNK)
+        .map(|chunk| {
+            let (mut low, mut high, mut count) =
+                (f32::INFINITY, f32::NEG_INFINITY, NonFiniteCount::default());
+            for &s in chunk {
+                if s.is_finite() {
+                    low = low.min(s);
+                    high = high.max(s);
+                } else if s.is_nan() {
+                    count.nan += 1;
+                } else if s > 0.0 {
+                    count.positive_infinity += 1;
+                } else {
+                    count.negative_infinity += 1;
+                }
+            }
+            (low, high, count)
+        })
+        .reduce(
+            || (f32::INFINITY, f32::NEG_INFINITY, NonFiniteCount::default()),
+            |a, b| (a.0.min(b.0), a.1.max(b.1), a.2.plus(b.2)),
+        );
+    if count.total() > 0 {
+        let (low, high) = if low > high { (0.0, 0.0) } else { (low, high) };
+        for s in samples.iter_mut().filter(|s| !s.is_finite()) {
+            // NaN is not above 0.
+            *s = if *s > 0.0 { high } else { low };
+        }
+    }
+    count
 }
 
 #[cfg(test)]
