@@ -4,6 +4,8 @@ use std::path::Path;
 
 /// Longest file that is read, in bytes: colours are some numbers, not data.
 const LONGEST: u64 = 4 << 20;
+/// Most characters of a file's text that a message shows.
+const LONGEST_SHOWN: usize = 60;
 
 /// Why a file gives no colours.
 #[derive(Debug, thiserror::Error)]
@@ -89,12 +91,19 @@ impl ColourError {
         expected: impl Into<String>,
         found: &str,
     ) -> Self {
-        let short: String =
-            found.chars().take(60).map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect();
-        let dots = if short.len() < found.len() { "…" } else { "" };
-        let found = format!("'{short}'{dots}");
+        let found = format!("'{}'", shown(found));
         Self::Wrong { file: file.to_owned(), what: what.into(), expected: expected.into(), found }
     }
+}
+
+/// A piece of a file's text as messages show it: short, and without what could steer a terminal.
+pub(crate) fn shown(text: &str) -> String {
+    let mut short: String =
+        text.chars().take(LONGEST_SHOWN).map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect();
+    if text.chars().nth(LONGEST_SHOWN).is_some() {
+        short.push('…');
+    }
+    short
 }
 
 /// The text of a file. Bytes that are not UTF-8 may stand in names and comments.

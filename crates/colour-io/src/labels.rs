@@ -13,6 +13,8 @@ use volume::{Label, LabelTable};
 
 /// Most labels of a table.
 const MOST: usize = 65_536;
+/// Longest name that is kept, in characters.
+const LONGEST_NAME: usize = 120;
 /// What files of labels may be.
 const KNOWN: &str = "a table of labels: lines of `number name red green blue alpha` (3D Slicer), of `number red green blue \
                      alpha visible mesh \"name\"` (ITK-SNAP), or JSON";
@@ -31,13 +33,17 @@ pub fn load_labels(path: &Path) -> Result<LabelTable, ColourError> {
 /// As [`load_labels`].
 pub fn labels(file: &str, text: &str) -> Result<LabelTable, ColourError> {
     let text = text.trim_start_matches('\u{feff}').trim_start();
-    let labels = if text.starts_with(['[', '{']) { json(file, text)? } else { lines(file, text)? };
+    let mut labels = if text.starts_with(['[', '{']) { json(file, text)? } else { lines(file, text)? };
     if labels.is_empty() {
         return Err(ColourError::Unknown { file: file.to_owned(), expected: KNOWN });
     }
     if labels.len() > MOST {
         let (expected, found) = (format!("at most {MOST}"), labels.len().to_string());
         return Err(ColourError::wrong(file, "labels", expected, &found));
+    }
+    for label in &mut labels {
+        // As people should see it, on a terminal too.
+        label.name = label.name.trim().chars().filter(|c| !c.is_control()).take(LONGEST_NAME).collect();
     }
     Ok(LabelTable::new(labels))
 }
@@ -167,6 +173,13 @@ mod tests {
     #[test]
     fn hidden_labels_of_itk_snap_are_transparent() {
         assert_eq!(liver("5 255 51 0 1 0 0 \"x\"").opacity, Some(0.0));
+    }
+
+    #[test]
+    fn a_name_cannot_steer_the_terminal() {
+        let name = "\\u001b[2Jliver ".repeat(40);
+        let found = liver(&format!(r#"[{{"number": 5, "name": "{name}"}}]"#)).name;
+        assert!(found.starts_with("[2Jliver [2J") && found.chars().count() == LONGEST_NAME, "{found}");
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! blue; `Points` is value, opacity, midpoint, sharpness.
 
 use crate::ColourError;
+use crate::error::shown;
 use crate::knots::{Knots, joined};
 use crate::transfer::{Imported, Values, chosen};
 use serde::Deserialize;
@@ -94,7 +95,7 @@ fn imported(
         return Err(ColourError::wrong(file, "the colour map", "two points with colours or more", &found));
     }
     if !matches!(space, "" | "RGB" | "Step") {
-        notes.push(format!("its colours are mixed in RGB between points, not in {space}"));
+        notes.push(format!("its colours are mixed in RGB between points, not in {}", shown(space)));
     }
     let values = if opacities.is_empty() {
         notes.push(format!(
@@ -112,7 +113,7 @@ fn imported(
         Knots::checked(file, "opacities", opacities)?
     };
     Ok(Imported {
-        name: (!name.is_empty()).then(|| name.to_owned()),
+        name: (!name.is_empty()).then(|| shown(name)),
         transfer: joined(file, &colors, &opacities, UNIT_MM)?,
         light: None,
         values,
@@ -165,6 +166,21 @@ mod tests {
         assert_eq!(grey.values, Values::Absolute);
         assert!((grey.transfer.at(5.0).opacity_per_mm - 0.25).abs() < 1e-12);
         assert_eq!(transfer("maps.xml", text, Some("solid")).unwrap().values, Values::Stretched);
+    }
+
+    #[test]
+    fn a_name_cannot_steer_the_terminal_nor_fill_it() {
+        let entry = |name: &str| {
+            format!(r#"{{"Name": "{name}", "RGBPoints": [0, 0, 0, 0, 1, 1, 1, 1], "ColorSpace": "{name}"}}"#)
+        };
+        let steering = "\\u001b[2J".repeat(100);
+        let map = transfer("map.json", &entry(&steering), None).unwrap();
+        let all = format!("{} {}", map.name.unwrap(), map.notes.join(" "));
+        assert!(!all.contains('\u{1b}') && all.contains("[2J") && all.len() < 1000, "{all}");
+        let many = vec![entry(&steering); 1000].join(",");
+        let message = transfer("map.json", &format!("[{many}]"), None).unwrap_err().to_string();
+        assert!(!message.contains('\u{1b}') && message.ends_with("and 936 more"), "{message}");
+        assert!(message.len() < 20_000, "{}", message.len());
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! (attributes). A function is a count and so many numbers: value and opacity, or value, red, green and blue.
 
 use crate::ColourError;
+use crate::error::shown;
 use crate::knots::{Knots, joined};
 use crate::transfer::{Imported, Values, chosen, numbers};
 use scene::Headlight;
@@ -132,7 +133,7 @@ fn imported(file: &str, name: Option<&str>, property: &Property<'_>) -> Result<I
         None
     };
     Ok(Imported {
-        name: name.map(str::to_owned),
+        name: name.map(shown),
         transfer: joined(file, &colors, &opacities, unit_mm)?,
         light,
         values: Values::Absolute,

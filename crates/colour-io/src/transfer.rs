@@ -1,6 +1,6 @@
 //! A file with a transfer function, whichever it is.
 
-use crate::error::read;
+use crate::error::{read, shown};
 use crate::{ColourError, paraview, slicer};
 use scene::{Headlight, TransferFunction, Window};
 use std::path::Path;
@@ -8,6 +8,8 @@ use std::path::Path;
 /// What files of transfer functions may be.
 const KNOWN: &str =
     "a volume property (.vp) or presets.xml of 3D Slicer, or a colour map of ParaView (JSON or XML)";
+/// Most entries that a message names: the presets of 3D Slicer are some thirty.
+const MOST_NAMED: usize = 64;
 
 /// A transfer function and what else its file says.
 #[derive(Clone, Debug, PartialEq)]
@@ -97,10 +99,13 @@ pub(crate) fn chosen<'a, T>(
         (None, _) => None,
         (Some(name), _) => entries.iter().find(|(n, _)| n == name),
     };
-    found.ok_or_else(|| ColourError::Choice {
-        file: file.to_owned(),
-        wanted: name.map(str::to_owned),
-        available: entries.iter().map(|(n, _)| n.as_str()).collect::<Vec<_>>().join(", "),
+    found.ok_or_else(|| {
+        let mut available: Vec<String> = entries.iter().take(MOST_NAMED).map(|(n, _)| shown(n)).collect();
+        if entries.len() > MOST_NAMED {
+            available.push(format!("and {} more", entries.len() - MOST_NAMED));
+        }
+        let available = available.join(", ");
+        ColourError::Choice { file: file.to_owned(), wanted: name.map(shown), available }
     })
 }
 
