@@ -197,6 +197,10 @@ impl Object {
             }
         };
         let at = tokens.into_decoder().position();
+        // What is passed over may lie beyond the end: no pixels were found then, but not because there are none.
+        if at > part.length {
+            return Err(LoadError::Truncated { file, what: "data set", expected: at, found: part.length });
+        }
         self.pixels = match pixels {
             None => None,
             Some(Some(length)) => Some(Pixels::Native { at, length: length.into() }),
@@ -261,11 +265,16 @@ fn read_meta(part: &mut Part<'_>) -> Result<String, LoadError> {
     let start = part.input.stream_position().map_err(|e| unreadable(part, e))?;
     let mut at = start;
     let mut syntax = None;
+    // From where the reader stands to another place. What has been buffered stays: the whole group is in it.
+    let go = |part: &mut Part<'_>, from: u64, to: u64| {
+        part.input.seek_relative(to.cast_signed() - from.cast_signed()).map_err(|e| unreadable(part, e))
+    };
     loop {
         let mut head = [0; 12];
         let found = read_full(part, &mut head).map_err(|e| unreadable(part, e))?;
+        let here = at + found as u64;
         if found < 8 || head[..2] != [2, 0] {
-            part.input.seek(SeekFrom::Start(at)).map_err(|e| unreadable(part, e))?;
+            go(part, here, at)?;
             return syntax.ok_or_else(|| {
                 LoadError::field(&file, "transfer syntax (0002,0010)", "such an element", "none")
             });
@@ -286,11 +295,13 @@ fn read_meta(part: &mut Part<'_>) -> Result<String, LoadError> {
         }
         if [e0, e1] == [0x10, 0] {
             let mut value = vec![0; length as usize];
-            part.input.seek(SeekFrom::Start(value_at)).map_err(|e| unreadable(part, e))?;
-            read_full(part, &mut value).map_err(|e| unreadable(part, e))?;
+            go(part, here, value_at)?;
+            let read = read_full(part, &mut value).map_err(|e| unreadable(part, e))?;
             syntax = Some(String::from_utf8_lossy(&value).trim_matches(['\0', ' ']).to_owned());
+            go(part, value_at + read as u64, at)?;
+        } else {
+            go(part, here, at)?;
         }
-        part.input.seek(SeekFrom::Start(at)).map_err(|e| unreadable(part, e))?;
     }
 }
 

@@ -13,6 +13,9 @@ use crate::text::short;
 use flate2::bufread::DeflateDecoder;
 use std::io::{Read, Seek as _, SeekFrom};
 
+/// Most bytes that are unpacked to reach the frames of a deflated file, each from the start: some minutes.
+const MOST_UNPACKED: u128 = 64 << 30;
+
 /// How the samples of an image are written (DICOM PS3.5, section 8).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Layout {
@@ -101,11 +104,21 @@ impl Layout {
     /// Checks that `frames` are there, before memory is taken for them.
     pub(super) fn check_data(&self, file: &str, object: &Object, frames: usize) -> Result<(), LoadError> {
         match &object.pixels {
-            Some(Pixels::Native { length, .. }) => {
+            Some(Pixels::Native { at, length }) => {
                 let expected = (self.count() * frames) as u64 * u64::from(self.allocated / 8);
                 if *length < expected {
                     let (file, what) = (file.to_owned(), "pixels");
                     return Err(LoadError::Truncated { file, what, expected, found: *length });
+                }
+                let unpacked = frames as u128 * (u128::from(*at) + u128::from(expected) / 2);
+                if object.syntax.is_deflated() && unpacked > MOST_UNPACKED {
+                    let (file, what) = (file.to_owned(), "the frames of a deflated file");
+                    return Err(LoadError::TooLarge {
+                        file,
+                        what,
+                        found: unpacked,
+                        allowed: MOST_UNPACKED as u64,
+                    });
                 }
                 Ok(())
             }

@@ -2,10 +2,12 @@
 
 use crate::golden::{NEAR_MM, compare, golden_of, number, three, value_at};
 use crate::{assert_field, assert_noted, fixtures, shared};
+use flate2::Compression;
 use flate2::read::DeflateDecoder;
+use flate2::write::DeflateEncoder;
 use serde_json::Value;
 use spatial::DVec3;
-use std::io::Read as _;
+use std::io::{Read as _, Write as _};
 use std::path::Path;
 use tempfile::TempDir;
 use volume::{Volume, Voxels};
@@ -180,32 +182,40 @@ impl Slice {
         self
     }
 
-    fn bytes(&self) -> Vec<u8> {
-        fn put(out: &mut Vec<u8>, group: u16, element: u16, vr: &str, value: &[u8]) {
-            out.extend([group.to_le_bytes(), element.to_le_bytes()].concat());
-            out.extend(vr.as_bytes());
-            if matches!(vr, "OW" | "OB" | "SQ" | "UN") {
-                out.extend([0, 0]);
-                out.extend((value.len() as u32).to_le_bytes());
-            } else {
-                out.extend((value.len() as u16).to_le_bytes());
-            }
-            out.extend(value);
+    /// All but the preamble and the group about the file.
+    fn data_set(&self) -> Vec<u8> {
+        let mut out = Vec::new();
+        for (group, element, vr, value) in &self.elements {
+            Self::put(&mut out, *group, *element, vr, value);
         }
+        out
+    }
+
+    fn put(out: &mut Vec<u8>, group: u16, element: u16, vr: &str, value: &[u8]) {
+        out.extend([group.to_le_bytes(), element.to_le_bytes()].concat());
+        out.extend(vr.as_bytes());
+        if matches!(vr, "OW" | "OB" | "SQ" | "UN") {
+            out.extend([0, 0]);
+            out.extend((value.len() as u32).to_le_bytes());
+        } else {
+            out.extend((value.len() as u16).to_le_bytes());
+        }
+        out.extend(value);
+    }
+
+    fn bytes(&self) -> Vec<u8> {
         let mut out = vec![0; 128];
         out.extend(b"DICM");
-        put(&mut out, 2, 1, "OB", &[0, 1]);
-        put(
+        Self::put(&mut out, 2, 1, "OB", &[0, 1]);
+        Self::put(
             &mut out,
             2,
             0x10,
             "UI",
             format!("{:\0<1$}", self.syntax, self.syntax.len().next_multiple_of(2)).as_bytes(),
         );
-        put(&mut out, 2, 0x13, "SH", b"TEST");
-        for (group, element, vr, value) in &self.elements {
-            put(&mut out, *group, *element, vr, value);
-        }
+        Self::put(&mut out, 2, 0x13, "SH", b"TEST");
+        out.extend(self.data_set());
         out
     }
 }
@@ -391,6 +401,121 @@ fn the_patient_is_told_only_to_those_who_ask() {
         asked.report.identity,
         [("name", "Secret^Person".to_owned()), ("identifier", "SECRET-ID".to_owned())]
     );
+}
+
+/// What is missing from a positron emission tomography, or stands in it instead.
+type Change = fn(Slice, Slice) -> [Slice; 2];
+
+/// A slice of a positron emission tomography, and the item of its radiopharmaceutical: 70 kg, 350 MBq, a half-life of 6000 s,
+/// an hour and 40 minutes from the injection to the scan. What is left of the dose is half.
+fn positrons() -> [Slice; 2] {
+    let injected = Slice { elements: Vec::new(), syntax: "" }
+        .with(0x0018, 0x1072, "TM", "101500")
+        .with(0x0018, 0x1074, "DS", "350000000")
+        .with(0x0018, 0x1075, "DS", "6000");
+    let slice = Slice::at(0.0, 100)
+        .with(0x0008, 0x0021, "DA", "20240301")
+        .with(0x0008, 0x0022, "DA", "20240301")
+        .with(0x0008, 0x0031, "TM", "115500")
+        .with(0x0008, 0x0032, "TM", "115510.5")
+        .with(0x0008, 0x0060, "CS", "PT")
+        .with(0x0010, 0x1030, "DS", "70")
+        .with(0x0028, 0x0051, "CS", "DECY\\ATTN\\SCAT")
+        .with(0x0054, 0x1001, "CS", "BQML")
+        .with(0x0054, 0x1102, "CS", "START");
+    [slice, injected]
+}
+
+fn uptake([slice, injected]: [Slice; 2]) -> Loaded {
+    let mut item = vec![0xfe, 0xff, 0x00, 0xe0];
+    // Behind the preamble and the group about the file: the elements alone.
+    let elements = injected.data_set();
+    item.extend((elements.len() as u32).to_le_bytes());
+    item.extend(elements);
+    parts(&[slice.raw(0x0054, 0x0016, "SQ", &item)]).unwrap()
+}
+
+#[test]
+fn uptake_is_standardised_by_weight_dose_and_decay() {
+    let exact = |change: Change, left: f64| {
+        let [slice, injected] = positrons();
+        let loaded = uptake(change(slice, injected));
+        assert_eq!(loaded.volume.channels()[0].name, "suv", "{:?}", loaded.report.notes);
+        let expected = 100.0 * 70_000.0 / (350.0e6 * left);
+        let found = value_at(&loaded.volume, [0, 0, 0]);
+        assert!((found - expected).abs() <= 1e-12 * expected, "{found} {expected}");
+    };
+    exact(|slice, injected| [slice, injected], 0.5);
+    // Already corrected to the injection.
+    exact(|slice, injected| [slice.with(0x0054, 0x1102, "CS", "ADMIN"), injected], 1.0);
+    // Injected before midnight.
+    exact(
+        |slice, injected| {
+            let early = slice.with(0x0008, 0x0031, "TM", "003000").with(0x0008, 0x0032, "TM", "003000");
+            [early, injected.with(0x0018, 0x1072, "TM", "225000")]
+        },
+        0.5,
+    );
+    // The date and time of the injection go before its time alone.
+    exact(|slice, injected| [slice, injected.with(0x0018, 0x1078, "DT", "20240301083500.00")], 0.25);
+}
+
+#[test]
+fn uptake_without_what_it_takes_stays_in_becquerel_and_says_what_is_missing() {
+    let times = "the time of injection or of the scan is not in the file";
+    let changes: [(Change, &str); 11] = [
+        (|slice, injected| [slice.without(0x0008, 0x0031), injected], times),
+        (|slice, injected| [slice.without(0x0008, 0x0032), injected], times),
+        (|slice, injected| [slice, injected.without(0x0018, 0x1072)], times),
+        (|slice, injected| [slice, injected.with(0x0018, 0x1072, "TM", "noon")], times),
+        // A series that was processed after the scan does not say when that was.
+        (|slice, injected| [slice.with(0x0008, 0x0031, "TM", "120000"), injected], times),
+        (|slice, injected| [slice, injected.without(0x0018, 0x1074)], "the dose"),
+        (|slice, injected| [slice, injected.without(0x0018, 0x1075)], "the half-life"),
+        (|slice, injected| [slice.without(0x0010, 0x1030), injected], "weight"),
+        (|slice, injected| [slice.with(0x0010, 0x1030, "DS", "0"), injected], "weight"),
+        (|slice, injected| [slice.with(0x0028, 0x0051, "CS", "ATTN"), injected], "attenuation and decay"),
+        (|slice, injected| [slice.with(0x0054, 0x1102, "CS", "NONE"), injected], "decay is not corrected"),
+    ];
+    for (change, missing) in changes {
+        let [slice, injected] = positrons();
+        let loaded = uptake(change(slice, injected));
+        assert_eq!(loaded.volume.channels()[0].name, "pet", "{missing}");
+        assert_eq!(value_at(&loaded.volume, [0, 0, 0]), 100.0, "{missing}");
+        assert_noted(&loaded, missing);
+    }
+}
+
+#[test]
+fn a_bomb_of_a_deflated_file_is_bounded() {
+    let deflated = |data_set: &[u8]| {
+        let slice = Slice { syntax: "1.2.840.10008.1.2.1.99", ..Slice::at(0.0, 5) };
+        let whole = slice.bytes();
+        let head = whole[..whole.len() - slice.data_set().len()].to_vec();
+        let mut packed = DeflateEncoder::new(head, Compression::best());
+        packed.write_all(data_set).unwrap();
+        packed.finish().unwrap()
+    };
+    let load = |file: &[u8]| load_parts("bomb.dcm", file, &[], &LoadOptions::default());
+    let data_set = Slice::at(0.0, 5).data_set();
+    // After the pixels: not looked at.
+    let mut after = data_set.clone();
+    after.resize(after.len() + (64 << 20), 0);
+    assert_eq!(column(&load(&deflated(&after)).unwrap()), [5.0]);
+    // Before the pixels: unpacked as far as headers go, and then refused.
+    let mut before =
+        Slice { elements: Vec::new(), syntax: "" }.raw(0x0008, 0x0005, "OB", &vec![0; 64 << 20]).data_set();
+    before.extend(data_set);
+    let error = load(&deflated(&before)).unwrap_err();
+    assert!(matches!(error, LoadError::Truncated { what: "data set", found: 33_554_432, .. }), "{error}");
+    // A frame of one pixel each, all of which would be unpacked again for every one of them.
+    let many = Slice::at(0.0, 5)
+        .short(0x0028, 0x0010, 1)
+        .short(0x0028, 0x0011, 1)
+        .with(0x0028, 0x0008, "IS", "1000000")
+        .raw(0x7fe0, 0x0010, "OW", &vec![0; 2_000_000]);
+    let error = load(&deflated(&many.data_set())).unwrap_err();
+    assert!(matches!(error, LoadError::TooLarge { what: "the frames of a deflated file", .. }), "{error}");
 }
 
 #[test]

@@ -1,6 +1,9 @@
 //! MetaImage: what headers may and may not say.
 
 use crate::{assert_field, assert_noted, load_err, load_ok};
+use flate2::Compression;
+use flate2::write::ZlibEncoder;
+use std::io::Write as _;
 use volume::Voxels;
 use volume_io::{Format, LoadError, LoadOptions, Sequence, load_bytes, load_parts};
 
@@ -95,6 +98,24 @@ fn headers_that_cannot_be_are_refused() {
     assert!(matches!(load_err(HEADER.as_bytes()), LoadError::Truncated { what: "header", .. }));
     let bomb = with("NDims = 3", "NDims = 3\nCompressedData = True");
     assert!(matches!(bomb, LoadError::Damaged { what: "zlib data", .. }), "{bomb}");
+}
+
+#[test]
+fn a_zlib_bomb_is_read_as_far_as_the_header_says() {
+    let bomb = |header: &str| {
+        let header = format!("{header}CompressedData = True\nElementDataFile = LOCAL\n");
+        let mut packed = ZlibEncoder::new(header.into_bytes(), Compression::best());
+        packed.write_all(&vec![7; 64 << 20]).unwrap();
+        packed.finish().unwrap()
+    };
+    let file = bomb(HEADER);
+    assert!(file.len() < 1 << 20);
+    let loaded = load_ok(&file);
+    assert_eq!(loaded.volume.channels()[0].voxels, Voxels::U8(vec![7; 8].into()));
+    assert_noted(&loaded, "65536 bytes or more after the voxels");
+    // A header that promises more than packed bytes can hold is not believed: memory is taken for what they can.
+    let error = load_err(&bomb(&HEADER.replace("2 2 2", "2048 2048 2048")));
+    assert!(matches!(error, LoadError::Truncated { found, .. } if found == 64 << 20), "{error}");
 }
 
 #[test]
