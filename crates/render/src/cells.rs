@@ -69,6 +69,10 @@ impl CellRanges {
             Voxels::I16(v) => Stored::I16(ranges(v, voxel_dims)),
             Voxels::U16(v) => Stored::U16(ranges(v, voxel_dims)),
             Voxels::F32(v) => Stored::F32(ranges(v, voxel_dims)),
+            // Rounding keeps the order: these are the ranges of what the device holds.
+            Voxels::F64(v) => {
+                Stored::F32(ranges(v, voxel_dims).into_iter().map(|r| r.map(volume::single)).collect())
+            }
         };
         let dims = voxel_dims.map(|d| (d as usize).div_ceil(CELL));
         let whole = [f32::INFINITY, f32::NEG_INFINITY];

@@ -32,6 +32,7 @@ pub(crate) fn places(channel: &Channel) -> Result<(Vec<i64>, Channel), RenderErr
             Voxels::U16(v.iter().map(|&s| of[usize::from(s as u16)]).collect())
         }
         Voxels::F32(v) => Voxels::U16(v.iter().map(|&s| place(f64::from(s)) as u16).collect()),
+        Voxels::F64(v) => Voxels::U16(v.iter().map(|&s| place(s) as u16).collect()),
     };
     let places = Channel { name: channel.name.clone(), voxels, slope: 1.0, intercept: 0.0, ..*channel };
     Ok((numbers, places))

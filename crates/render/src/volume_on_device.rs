@@ -82,11 +82,13 @@ impl ChannelOnDevice {
         grid: &Grid,
         mut progress: impl FnMut(f64),
     ) -> Result<Self, RenderError> {
-        if let Voxels::F32(v) = &channel.voxels {
-            let count = v.par_iter().filter(|s| !s.is_finite()).count();
-            if count > 0 {
-                return Err(RenderError::NotFinite { channel: channel.name.clone(), count });
-            }
+        let count = match &channel.voxels {
+            Voxels::U8(_) | Voxels::I16(_) | Voxels::U16(_) => 0,
+            Voxels::F32(v) => v.par_iter().filter(|s| !s.is_finite()).count(),
+            Voxels::F64(v) => v.par_iter().filter(|s| !s.is_finite()).count(),
+        };
+        if count > 0 {
+            return Err(RenderError::NotFinite { channel: channel.name.clone(), count });
         }
         let name = channel.name.clone();
         let placed;
@@ -108,7 +110,7 @@ impl ChannelOnDevice {
             Voxels::U16(_) => (wgpu::TextureFormat::R16Unorm, 65535.0, 0.0),
             // Signed numbers shifted up: snorm would not tell -32768 from -32767.
             Voxels::I16(_) => (wgpu::TextureFormat::R16Unorm, 65535.0, -32768.0),
-            Voxels::F32(_) => (wgpu::TextureFormat::R32Float, 1.0, 0.0),
+            Voxels::F32(_) | Voxels::F64(_) => (wgpu::TextureFormat::R32Float, 1.0, 0.0),
         };
         let size = wgpu::Extent3d { width, height, depth_or_array_layers: depth };
         let texture = gpu.guarded("the volume's texture", || {
@@ -124,10 +126,15 @@ impl ChannelOnDevice {
             })
         })?;
         let stored_bytes = channel.voxels.voxel_type().bytes();
-        let voxel_bytes = if is_widened { 2 } else { stored_bytes };
+        let voxel_bytes = match &channel.voxels {
+            Voxels::U8(_) if is_widened => 2,
+            Voxels::F64(_) => 4,
+            _ => stored_bytes,
+        };
         let slice_voxels = width as usize * height as usize;
         let slices = (SLAB_BYTES / (slice_voxels * voxel_bytes)).clamp(1, depth as usize);
         let mut wide: Vec<u16> = Vec::new();
+        let mut narrow: Vec<f32> = Vec::new();
         for z in (0..depth as usize).step_by(slices) {
             let count = slices.min(depth as usize - z);
             let range = z * slice_voxels..(z + count) * slice_voxels;
@@ -141,6 +148,11 @@ impl ChannelOnDevice {
                     wide.clear();
                     wide.extend(v[range].iter().map(|&s| u16::from(s) * 257));
                     bytemuck::cast_slice(&wide)
+                }
+                Voxels::F64(v) => {
+                    narrow.clear();
+                    narrow.extend(v[range].iter().map(|&s| volume::single(s)));
+                    bytemuck::cast_slice(&narrow)
                 }
                 other => &other.as_bytes()[range.start * stored_bytes..range.end * stored_bytes],
             };
@@ -171,7 +183,7 @@ impl ChannelOnDevice {
         let value_offset = channel.slope * shift + channel.intercept;
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
         let bind_group = Self::bind(gpu, &view)?;
-        let integers = if matches!(channel.voxels, Voxels::F32(_)) { 0.0 } else { unit };
+        let integers = if matches!(channel.voxels, Voxels::F32(_) | Voxels::F64(_)) { 0.0 } else { unit };
         let stored = [integers, shift, channel.slope, channel.intercept];
         let voxel_bytes = (voxel_bytes * grid.voxel_count()) as u64;
         Ok(Self { name, labels, cells, voxel_bytes, bind_group, view, value_scale, value_offset, stored })
@@ -208,6 +220,9 @@ fn filter_slack(channel: &Channel, is_widened: bool) -> f64 {
         Voxels::I16(_) | Voxels::U16(_) => 65535.0 * FLOAT_ROUNDING,
         Voxels::F32(v) => {
             f64::from(v.iter().filter(|s| s.is_finite()).fold(0.0f32, |a, s| a.max(s.abs()))) * FLOAT_ROUNDING
+        }
+        Voxels::F64(v) => {
+            f64::from(volume::single(v.iter().fold(0.0, |a, s| a.max(s.abs())))) * FLOAT_ROUNDING
         }
     }
 }

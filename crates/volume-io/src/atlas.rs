@@ -368,7 +368,7 @@ fn constant(voxels: &Voxels) -> Option<f64> {
     let same = match voxels {
         Voxels::U8(v) => v.iter().all(|s| *s == v[0]),
         Voxels::U16(v) => v.iter().all(|s| *s == v[0]),
-        Voxels::I16(_) | Voxels::F32(_) => false,
+        Voxels::I16(_) | Voxels::F32(_) | Voxels::F64(_) => false,
     };
     same.then_some(first)
 }
@@ -383,6 +383,7 @@ fn trim(channels: &mut [Channel], slice_px: usize, slices: usize, notes: &mut Ve
         Voxels::U16(v) => used(v),
         Voxels::I16(v) => used(v),
         Voxels::F32(v) => used(v),
+        Voxels::F64(v) => used(v),
     });
     let in_use = last_used.max().unwrap_or_default().div_ceil(slice_px).max(1);
     if in_use == slices {
@@ -395,6 +396,7 @@ fn trim(channels: &mut [Channel], slice_px: usize, slices: usize, notes: &mut Ve
             Voxels::U16(v) => v.truncate(length),
             Voxels::I16(v) => v.truncate(length),
             Voxels::F32(v) => v.truncate(length),
+            Voxels::F64(v) => v.truncate(length),
         }
     }
     notes.push(format!("{} empty slices after the first {in_use} are left out", slices - in_use));

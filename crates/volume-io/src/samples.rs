@@ -1,12 +1,12 @@
 //! Samples as they stand in a file, read as a stream straight into the type that holds them.
 //!
-//! uint8, int16, uint16 and float32 stay what they are. Other integers become int16 if all fit, else uint16 if all fit,
-//! else float32; float64 becomes float32. What that loses is measured.
+//! uint8, int16, uint16 and float32 stay what they are. Other integers become the first of int16, uint16, float32 and
+//! float64 that holds all of them without loss, float64 the first of the last two. Only integers beyond 2^53 are rounded.
 
 use crate::source::read_full;
 use crate::{LoadError, LoadOptions, load::broken};
 use std::io::Read;
-use volume::{Buffer, Voxels};
+use volume::{Buffer, Voxels, single};
 
 /// Bytes that are read and converted at a time: small enough for a core's cache. A multiple of every sample's size.
 const CHUNK: usize = 256 << 10;
@@ -14,6 +14,8 @@ const CHUNK: usize = 256 << 10;
 const CHUNKS_A_CALL: usize = 64;
 /// Samples that are widened before the memory of the narrow ones is given back: 8 MiB of them.
 const WIDENED_AT_ONCE: usize = 4 << 20;
+/// Largest finite float64 that is taken for a number: with any slope, and summed up over any volume, it stays finite.
+const LARGEST: f64 = 1.0e150;
 
 /// Types of samples in files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,7 +48,8 @@ impl StoredType {
         match self {
             Self::U8 => 1,
             Self::I8 | Self::I16 | Self::U16 => 2,
-            _ => 4,
+            Self::F32 => 4,
+            _ => 8,
         }
     }
 
@@ -94,35 +97,42 @@ pub(crate) struct Samples {
     pub(crate) voxels: Voxels,
     /// Largest difference between a finite stored number and the one that is held.
     pub(crate) worst_rounding: f64,
-    /// Finite numbers that were too large for float32 and became infinite.
+    /// Largest difference between a number that is held and the float32 that a device draws from.
+    pub(crate) worst_as_single: f64,
+    /// Finite numbers that were too large and became infinite.
     pub(crate) overflowed: usize,
 }
 
 impl Samples {
     fn exact(voxels: Voxels) -> Self {
-        Self { voxels, worst_rounding: 0.0, overflowed: 0 }
+        Self { voxels, worst_rounding: 0.0, worst_as_single: 0.0, overflowed: 0 }
     }
 
     /// Says what became of the samples of the file; `slope` is the value of one of their units.
     pub(crate) fn note(&self, stored: StoredType, slope: f64, notes: &mut Vec<String>) {
         let (stored, held_as) = (stored.name(), self.voxels.voxel_type().name());
-        if stored != held_as {
-            notes.push(if self.worst_rounding > 0.0 {
-                let rounding = self.worst_rounding * slope.abs();
-                format!(
-                    "{stored} in the file, held as {held_as}: values are rounded by at most {rounding:.3e}"
-                )
-            } else {
-                format!("{stored} in the file, held as {held_as} without loss")
-            });
-        }
-        if self.overflowed > 0 {
+        if self.worst_rounding > 0.0 {
+            let rounding = self.worst_rounding * slope.abs();
             notes.push(format!(
-                "{} values are too large for {held_as} and count as infinite",
-                self.overflowed
+                "{stored} in the file, held as {held_as}: values are rounded by at most {rounding:.3e}"
             ));
+        } else if stored != held_as {
+            notes.push(format!("{stored} in the file, held as {held_as} without loss"));
+        }
+        notes.extend(drawn_in_single(&self.voxels, self.worst_as_single * slope.abs()));
+        if self.overflowed > 0 {
+            notes.push(format!("{} values are beyond {LARGEST:e} and count as infinite", self.overflowed));
         }
     }
+}
+
+/// What a device loses of float64, for people.
+pub(crate) fn drawn_in_single(voxels: &Voxels, rounding: f64) -> Option<String> {
+    matches!(voxels, Voxels::F64(_)).then(|| {
+        format!(
+            "values are float64; a graphics device draws from float32 of them, off by at most {rounding:.3e}"
+        )
+    })
 }
 
 /// Reads a run of samples.
@@ -186,32 +196,48 @@ fn kept<T: bytemuck::Pod, const N: usize>(
     Ok(samples)
 }
 
-/// float64, held as float32.
+/// float64, held as float32 as long as that keeps every bit.
 fn doubles(
     reader: &mut impl Read,
     run: &Run<'_>,
     options: &LoadOptions,
     decode: impl Fn([u8; 8]) -> f64,
 ) -> Result<Samples, LoadError> {
-    let mut samples: Vec<f32> = reserve(run)?;
-    let (mut worst_rounding, mut overflowed) = (0.0f64, 0);
+    let mut held = Narrowest::F32(reserve(run)?);
+    let mut scratch = Vec::with_capacity(CHUNK / 8);
+    let (mut worst_as_single, mut overflowed) = (0.0f64, 0);
     each_chunk(reader, run, options, |bytes| {
-        for &b in bytes.as_chunks().0 {
-            let double = decode(b);
-            let single = double as f32;
-            if single.is_finite() {
-                worst_rounding = worst_rounding.max((f64::from(single) - double).abs());
-            } else if double.is_finite() {
+        scratch.clear();
+        scratch.extend(bytes.as_chunks().0.iter().map(|&b| {
+            let number = decode(b);
+            if number.is_finite() && number.abs() > LARGEST {
                 overflowed += 1;
+                return number.signum() * f64::INFINITY;
             }
-            samples.push(single);
+            number
+        }));
+        // What is no number is none in float32 either.
+        let fits_f32 = |number: &f64| number.is_nan() || f64::from(*number as f32) == *number;
+        held = match std::mem::replace(&mut held, Narrowest::I16(Vec::new())) {
+            Narrowest::F32(v) if !scratch.iter().all(fits_f32) => Narrowest::F64(widened(v, run)?),
+            fits => fits,
+        };
+        match &mut held {
+            Narrowest::F64(v) => {
+                let lost =
+                    scratch.iter().filter(|n| n.is_finite()).map(|&n| (f64::from(single(n)) - n).abs());
+                worst_as_single = lost.fold(worst_as_single, f64::max);
+                v.extend(&scratch);
+            }
+            Narrowest::F32(v) => v.extend(scratch.iter().map(|&n| n as f32)),
+            Narrowest::I16(_) | Narrowest::U16(_) => {}
         }
         Ok(())
     })?;
-    Ok(Samples { voxels: Voxels::F32(samples.into()), worst_rounding, overflowed })
+    Ok(Samples { voxels: held.into(), worst_rounding: 0.0, worst_as_single, overflowed })
 }
 
-/// Integers of other sizes, held as the narrowest of int16, uint16 and float32 that takes all of them.
+/// Integers of other sizes, held as the narrowest of int16, uint16, float32 and float64 that takes all of them.
 fn integers<T: Integer, const N: usize>(
     reader: &mut impl Read,
     run: &Run<'_>,
@@ -219,56 +245,82 @@ fn integers<T: Integer, const N: usize>(
     decode: impl Fn([u8; N]) -> T,
 ) -> Result<Samples, LoadError> {
     let mut held = Narrowest::I16(reserve(run)?);
-    let mut scratch = Vec::with_capacity(CHUNK / N);
+    let mut scratch: Vec<T> = Vec::with_capacity(CHUNK / N);
     let mut negative = false;
-    let mut worst_rounding = 0.0f64;
+    let (mut worst_rounding, mut worst_as_single) = (0.0f64, 0.0f64);
     each_chunk(reader, run, options, |bytes| {
         scratch.clear();
         scratch.extend(bytes.as_chunks().0.iter().map(|&b| decode(b)));
         let Some((&low, &high)) = scratch.iter().min().zip(scratch.iter().max()) else { return Ok(()) };
         negative |= low < T::default();
+        let fit_f32 = || scratch.iter().all(|s| s.fits_f32());
         held = match std::mem::replace(&mut held, Narrowest::I16(Vec::new())) {
             Narrowest::I16(v) if !(low.fits_i16() && high.fits_i16()) => {
                 if negative || !high.fits_u16() {
-                    Narrowest::F32(widened(v, run)?)
+                    Narrowest::float(v, fit_f32(), run)?
                 } else {
                     // No sample was negative: the same bits, and no copy.
                     Narrowest::U16(bytemuck::allocation::cast_vec(v))
                 }
             }
-            Narrowest::U16(v) if !(low.fits_u16() && high.fits_u16()) => Narrowest::F32(widened(v, run)?),
+            Narrowest::U16(v) if !(low.fits_u16() && high.fits_u16()) => Narrowest::float(v, fit_f32(), run)?,
+            Narrowest::F32(v) if !fit_f32() => Narrowest::F64(widened(v, run)?),
             fits => fits,
         };
         match &mut held {
             Narrowest::I16(v) => v.extend(scratch.iter().map(|s| s.as_i16())),
             Narrowest::U16(v) => v.extend(scratch.iter().map(|s| s.as_u16())),
-            Narrowest::F32(v) => v.extend(scratch.iter().map(|s| {
-                worst_rounding = worst_rounding.max(s.rounding_as_f32());
-                s.as_f32()
+            Narrowest::F32(v) => v.extend(scratch.iter().map(|s| s.as_f64() as f32)),
+            Narrowest::F64(v) => v.extend(scratch.iter().map(|s| {
+                let number = s.as_f64();
+                worst_rounding = worst_rounding.max(s.rounding_as_f64());
+                worst_as_single = worst_as_single.max((f64::from(single(number)) - number).abs());
+                number
             })),
         }
         Ok(())
     })?;
-    let voxels = match held {
-        Narrowest::I16(v) => Voxels::I16(v.into()),
-        Narrowest::U16(v) => Voxels::U16(v.into()),
-        Narrowest::F32(v) => Voxels::F32(v.into()),
-    };
-    Ok(Samples { voxels, worst_rounding, overflowed: 0 })
+    Ok(Samples { voxels: held.into(), worst_rounding, worst_as_single, overflowed: 0 })
 }
 
-/// Integers read so far.
+/// Samples read so far, in the narrowest type that has been enough for them.
 enum Narrowest {
     I16(Vec<i16>),
     U16(Vec<u16>),
     F32(Vec<f32>),
+    F64(Vec<f64>),
 }
 
-/// The same numbers as float32. Works from the end and gives the narrow ones back as it goes, so that both are never
-/// there in full.
-fn widened<T: Copy + Into<f32>>(mut narrow: Vec<T>, run: &Run<'_>) -> Result<Vec<f32>, LoadError> {
+impl Narrowest {
+    /// The same numbers as float32 if that is enough for what comes, else as float64.
+    fn float<T: Copy + Into<f32> + Into<f64>>(
+        narrow: Vec<T>,
+        fit_f32: bool,
+        run: &Run<'_>,
+    ) -> Result<Self, LoadError> {
+        if fit_f32 { widened(narrow, run).map(Self::F32) } else { widened(narrow, run).map(Self::F64) }
+    }
+}
+
+impl From<Narrowest> for Voxels {
+    fn from(narrowest: Narrowest) -> Self {
+        match narrowest {
+            Narrowest::I16(v) => Self::I16(v.into()),
+            Narrowest::U16(v) => Self::U16(v.into()),
+            Narrowest::F32(v) => Self::F32(v.into()),
+            Narrowest::F64(v) => Self::F64(v.into()),
+        }
+    }
+}
+
+/// The same numbers in a wider type. Works from the end and gives the narrow ones back as it goes, so that both are never
+/// there in full. There is room for all that are to come.
+fn widened<T: Copy + Into<W>, W: bytemuck::Zeroable>(
+    mut narrow: Vec<T>,
+    run: &Run<'_>,
+) -> Result<Vec<W>, LoadError> {
     // Zeroed by the system: its pages are not taken before they are written.
-    let mut wide = zeroed::<f32>(run.file, fitting(run))?;
+    let mut wide = zeroed::<W>(run.file, fitting(run))?;
     wide.truncate(narrow.len());
     while !narrow.is_empty() {
         let start = narrow.len().saturating_sub(WIDENED_AT_ONCE);
@@ -349,9 +401,11 @@ trait Integer: Copy + Ord + Default {
     fn as_i16(self) -> i16;
     /// For those that fit.
     fn as_u16(self) -> u16;
-    fn as_f32(self) -> f32;
-    /// What float32 loses of it.
-    fn rounding_as_f32(self) -> f64;
+    /// Whether float32 holds it without loss.
+    fn fits_f32(self) -> bool;
+    fn as_f64(self) -> f64;
+    /// What float64 loses of it.
+    fn rounding_as_f64(self) -> f64;
 }
 
 macro_rules! integer {
@@ -360,9 +414,10 @@ macro_rules! integer {
         fn fits_u16(self) -> bool { u16::try_from(self).is_ok() }
         fn as_i16(self) -> i16 { self as i16 }
         fn as_u16(self) -> u16 { self as u16 }
-        fn as_f32(self) -> f32 { self as f32 }
-        fn rounding_as_f32(self) -> f64 {
-            (i128::from(self) - (self as f32) as i128).unsigned_abs() as f64
+        fn fits_f32(self) -> bool { (self as f32) as i128 == i128::from(self) }
+        fn as_f64(self) -> f64 { self as f64 }
+        fn rounding_as_f64(self) -> f64 {
+            (i128::from(self) - (self as f64) as i128).unsigned_abs() as f64
         }
     })* };
 }
@@ -410,6 +465,11 @@ mod tests {
         values[0] = -7;
         let as_f32: Vec<f32> = values.iter().map(|&v| v as f32).collect();
         assert_eq!(ints(&values).voxels, Voxels::F32(as_f32.into()));
+        values[CHUNK / 2 + 9] = i32::MAX;
+        assert_eq!(ints(&values).voxels, Voxels::F64(values.iter().map(|&v| v.into()).collect()));
+        values[CHUNK / 2] = 0;
+        values[0] = 7;
+        assert_eq!(ints(&values).voxels, Voxels::F64(values.iter().map(|&v| v.into()).collect()));
     }
 
     #[test]
@@ -423,23 +483,43 @@ mod tests {
             packed: None,
         };
         let narrow: Vec<i16> = (0..run.count).map(|i| (i % 30_011) as i16).collect();
-        let wide = widened(narrow, &run).unwrap();
+        let wide: Vec<f32> = widened(narrow, &run).unwrap();
         assert_eq!(wide.len(), run.count);
         assert!(wide.iter().enumerate().all(|(i, &w)| w == (i % 30_011) as f32));
     }
 
     #[test]
-    fn what_float32_loses_is_measured() {
-        let exact = ints(&[1 << 24, -(1 << 24)]);
-        assert_eq!(exact.worst_rounding, 0.0);
-        assert_eq!(ints(&[(1 << 24) + 1]).worst_rounding, 1.0);
-        assert_eq!(ints(&[i32::MAX]).worst_rounding, 1.0);
-        let bytes = u64::MAX.to_le_bytes();
-        assert_eq!(read_all(StoredType::U64, ByteOrder::Little, &bytes).worst_rounding, 1.0);
-        let third = read_all(StoredType::F64, ByteOrder::Little, &(1.0f64 / 3.0).to_le_bytes());
-        assert_eq!(third.worst_rounding, (f64::from(1.0f32 / 3.0) - 1.0 / 3.0).abs());
-        let huge = read_all(StoredType::F64, ByteOrder::Little, &1e300f64.to_le_bytes());
-        assert_eq!((huge.overflowed, huge.worst_rounding), (1, 0.0));
+    fn what_float32_would_lose_is_held_as_float64() {
+        let held = |stored, bytes: &[u8]| read_all(stored, ByteOrder::Little, bytes);
+        assert_eq!(
+            ints(&[1 << 24, -(1 << 24)]).voxels,
+            Voxels::F32(vec![16_777_216.0, -16_777_216.0].into())
+        );
+        let odd = ints(&[(1 << 24) + 1, i32::MIN]);
+        assert_eq!(odd.voxels, Voxels::F64(vec![16_777_217.0, -2_147_483_648.0].into()));
+        assert_eq!((odd.worst_rounding, odd.worst_as_single), (0.0, 1.0));
+        let beyond = held(StoredType::U64, &u64::MAX.to_le_bytes());
+        assert_eq!((beyond.worst_rounding, beyond.worst_as_single), (1.0, 0.0));
+        let third = held(StoredType::F64, &(1.0f64 / 3.0).to_le_bytes());
+        assert_eq!(third.voxels, Voxels::F64(vec![1.0 / 3.0].into()));
+        assert_eq!(third.worst_as_single, (f64::from(1.0f32 / 3.0) - 1.0 / 3.0).abs());
+        let large = held(StoredType::F64, &1e100f64.to_le_bytes());
+        assert_eq!((large.voxels, large.overflowed), (Voxels::F64(vec![1e100].into()), 0));
+        let huge = held(StoredType::F64, &(-1e300f64).to_le_bytes());
+        assert_eq!((huge.voxels, huge.overflowed), (Voxels::F32(vec![f32::NEG_INFINITY].into()), 1));
+    }
+
+    #[test]
+    fn a_late_float64_keeps_the_earlier_ones() {
+        // In the second chunk, after what is no number.
+        let mut values: Vec<f64> = (0..CHUNK / 4).map(|i| i as f64 / 8.0).collect();
+        values[3] = f64::INFINITY;
+        let bytes = |values: &[f64]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
+        let single = read_all(StoredType::F64, ByteOrder::Little, &bytes(&values)).voxels;
+        assert_eq!(single, Voxels::F32(values.iter().map(|&v| v as f32).collect()));
+        values[CHUNK / 8 + 7] = 0.1;
+        let double = read_all(StoredType::F64, ByteOrder::Little, &bytes(&values)).voxels;
+        assert_eq!(double, Voxels::F64(values.into()));
     }
 
     #[test]

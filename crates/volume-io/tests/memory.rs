@@ -26,9 +26,10 @@ fn the_peak_stays_within_1_3_times_the_voxels() {
     let folder = tempfile::tempdir().unwrap();
     let count = usize::from(SIDE.unsigned_abs()).pow(3);
 
-    // Hounsfield units; then the last one does not fit int16: the widest detour, from int16 to float32, at the end.
-    // The larger volume comes second, so that the highest is its own.
-    for (last, expected) in [(2000i32, VoxelType::I16), (1 << 20, VoxelType::F32)] {
+    // Hounsfield units; then the last one does not fit int16, nor float32: the widest detours, all at the end. The larger
+    // volume comes later, so that the highest is its own.
+    let detours = [(2000i32, VoxelType::I16), (1 << 20, VoxelType::F32), (i32::MAX, VoxelType::F64)];
+    for (last, expected) in detours {
         let path = folder.path().join("scan.nii.gz");
         let mut file = GzEncoder::new(std::fs::File::create(&path).unwrap(), Compression::fast());
         file.write_all(&header).unwrap();

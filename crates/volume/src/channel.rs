@@ -26,6 +26,8 @@ pub enum VoxelType {
     U16,
     /// IEEE binary32.
     F32,
+    /// IEEE binary64.
+    F64,
 }
 
 impl VoxelType {
@@ -36,6 +38,7 @@ impl VoxelType {
             Self::U8 => 1,
             Self::I16 | Self::U16 => 2,
             Self::F32 => 4,
+            Self::F64 => 8,
         }
     }
 
@@ -47,6 +50,7 @@ impl VoxelType {
             Self::I16 => "int16",
             Self::U16 => "uint16",
             Self::F32 => "float32",
+            Self::F64 => "float64",
         }
     }
 }
@@ -62,6 +66,8 @@ pub enum Voxels {
     U16(Buffer<u16>),
     /// IEEE binary32.
     F32(Buffer<f32>),
+    /// IEEE binary64: what no other type holds without loss. A picture by a graphics device is drawn from float32 of it.
+    F64(Buffer<f64>),
 }
 
 impl Voxels {
@@ -73,6 +79,7 @@ impl Voxels {
             Self::I16(v) => v.len(),
             Self::U16(v) => v.len(),
             Self::F32(v) => v.len(),
+            Self::F64(v) => v.len(),
         }
     }
 
@@ -90,6 +97,7 @@ impl Voxels {
             Self::I16(_) => VoxelType::I16,
             Self::U16(_) => VoxelType::U16,
             Self::F32(_) => VoxelType::F32,
+            Self::F64(_) => VoxelType::F64,
         }
     }
 
@@ -101,6 +109,7 @@ impl Voxels {
             Self::I16(v) => f64::from(v[at]),
             Self::U16(v) => f64::from(v[at]),
             Self::F32(v) => f64::from(v[at]),
+            Self::F64(v) => v[at],
         }
     }
 
@@ -112,6 +121,7 @@ impl Voxels {
             Self::I16(v) => bytemuck::cast_slice(v),
             Self::U16(v) => bytemuck::cast_slice(v),
             Self::F32(v) => bytemuck::cast_slice(v),
+            Self::F64(v) => bytemuck::cast_slice(v),
         }
     }
 }
@@ -129,6 +139,12 @@ pub struct Channel {
     pub slope: f64,
     /// Value of a stored 0; finite.
     pub intercept: f64,
+}
+
+/// The float32 nearest to a finite number; the largest of its sign for those beyond.
+#[must_use]
+pub fn single(number: f64) -> f32 {
+    (number as f32).clamp(f32::MIN, f32::MAX)
 }
 
 /// Samples that were replaced because they are no numbers.
@@ -169,41 +185,45 @@ impl Channel {
     pub fn replace_non_finite(&mut self) -> NonFiniteCount {
         match &mut self.voxels {
             Voxels::F32(samples) => replace_non_finite(samples),
+            Voxels::F64(samples) => replace_non_finite(samples),
             Voxels::U8(_) | Voxels::I16(_) | Voxels::U16(_) => NonFiniteCount::default(),
         }
     }
 }
 
 /// On all cores; what is finite throughout is read once and not written.
-fn replace_non_finite(samples: &mut [f32]) -> NonFiniteCount {
+fn replace_non_finite<T: Copy + From<f32> + Into<f64> + Send + Sync>(samples: &mut [T]) -> NonFiniteCount {
+    let none = || (None, None, NonFiniteCount::default());
+    // Of samples that are finite: what is compared as float64 is compared as it is.
+    let pick = |a: Option<T>, b: Option<T>, is_better: fn(f64, f64) -> bool| match (a, b) {
+        (Some(a), Some(b)) => Some(if is_better(b.into(), a.into()) { b } else { a }),
+        (a, b) => a.or(b),
+    };
+    let lower = |a, b| pick(a, b, |x, y| x < y);
+    let higher = |a, b| pick(a, b, |x, y| x > y);
     let (low, high, count) = samples
         .par_chunks(CHUNK)
         .map(|chunk| {
-            let (mut low, mut high, mut count) =
-                (f32::INFINITY, f32::NEG_INFINITY, NonFiniteCount::default());
-            for &s in chunk {
+            chunk.iter().fold(none(), |(low, high, mut count), &sample| {
+                let s: f64 = sample.into();
                 if s.is_finite() {
-                    low = low.min(s);
-                    high = high.max(s);
-                } else if s.is_nan() {
-                    count.nan += 1;
-                } else if s > 0.0 {
-                    count.positive_infinity += 1;
-                } else {
-                    count.negative_infinity += 1;
+                    return (lower(low, Some(sample)), higher(high, Some(sample)), count);
                 }
-            }
-            (low, high, count)
+                count.nan += usize::from(s.is_nan());
+                count.positive_infinity += usize::from(s > 0.0);
+                count.negative_infinity += usize::from(s < 0.0);
+                (low, high, count)
+            })
         })
-        .reduce(
-            || (f32::INFINITY, f32::NEG_INFINITY, NonFiniteCount::default()),
-            |a, b| (a.0.min(b.0), a.1.max(b.1), a.2.plus(b.2)),
-        );
+        .reduce(none, |a, b| (lower(a.0, b.0), higher(a.1, b.1), a.2.plus(b.2)));
     if count.total() > 0 {
-        let (low, high) = if low > high { (0.0, 0.0) } else { (low, high) };
-        for s in samples.iter_mut().filter(|s| !s.is_finite()) {
-            // NaN is not above 0.
-            *s = if *s > 0.0 { high } else { low };
+        let (low, high) = (low.unwrap_or(0.0.into()), high.unwrap_or(0.0.into()));
+        for sample in samples.iter_mut() {
+            let s: f64 = (*sample).into();
+            if !s.is_finite() {
+                // NaN is not above 0.
+                *sample = if s > 0.0 { high } else { low };
+            }
         }
     }
     count
@@ -229,6 +249,17 @@ mod tests {
         let count = c.replace_non_finite();
         assert_eq!(count, NonFiniteCount { nan: 2, positive_infinity: 1, negative_infinity: 1 });
         assert_eq!(c.voxels, Voxels::F32(vec![1.0, -3.0, -3.0, 1.0, -3.0, -3.0].into()));
+    }
+
+    #[test]
+    fn of_float64_no_bit_is_lost() {
+        let [low, high] = [-1.0e300 / 3.0, 1.0 + f64::EPSILON];
+        let samples = vec![f64::INFINITY, low, f64::NAN, high, f64::NEG_INFINITY];
+        let mut c = Channel { voxels: Voxels::F64(samples.into()), ..floats(&[]) };
+        let expected = NonFiniteCount { nan: 1, positive_infinity: 1, negative_infinity: 1 };
+        assert_eq!(c.replace_non_finite(), expected);
+        assert_eq!(c.voxels, Voxels::F64(vec![high, low, low, high, low].into()));
+        assert_eq!((c.value(3).to_bits(), c.voxels.as_bytes().len()), (high.to_bits(), 40));
     }
 
     #[test]

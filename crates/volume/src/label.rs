@@ -119,6 +119,7 @@ impl Channel {
             Voxels::U16(v) => tally(v, 1 << 16, |&s| usize::from(s), |i| i as f64),
             Voxels::I16(v) => tally(v, 1 << 16, |&s| (i32::from(s) + 32768) as usize, |i| i as f64 - 32768.0),
             Voxels::F32(v) => tally_floats(v),
+            Voxels::F64(v) => tally_floats(v),
         };
         let mut counts: BTreeMap<i64, u64> = BTreeMap::new();
         for (stored, voxels) in stored {
@@ -153,12 +154,12 @@ fn tally<T: Sync>(
     counts.iter().enumerate().filter(|&(_, &n)| n > 0).map(|(i, &n)| (stored(i), n)).collect()
 }
 
-fn tally_floats(samples: &[f32]) -> Vec<(f64, u64)> {
+fn tally_floats<T: Copy + Into<f64> + Sync>(samples: &[T]) -> Vec<(f64, u64)> {
     let counts = samples
         .par_chunks(CHUNK)
         .map(|chunk| {
-            let mut counts: HashMap<u32, u64> = HashMap::new();
-            for s in chunk.iter().filter(|s| s.is_finite()) {
+            let mut counts: HashMap<u64, u64> = HashMap::new();
+            for s in chunk.iter().map(|&s| s.into()).filter(|s| s.is_finite()) {
                 *counts.entry(s.to_bits()).or_default() += 1;
             }
             counts
@@ -169,7 +170,7 @@ fn tally_floats(samples: &[f32]) -> Vec<(f64, u64)> {
             }
             a
         });
-    counts.into_iter().map(|(bits, n)| (f64::from(f32::from_bits(bits)), n)).collect()
+    counts.into_iter().map(|(bits, n)| (f64::from_bits(bits), n)).collect()
 }
 
 #[cfg(test)]
@@ -192,6 +193,10 @@ mod tests {
         assert_eq!(channel(signed, 1.0, 0.0).label_counts(), expected);
         assert_eq!(
             channel(Voxels::F32(vec![0.0, 7.0, -2.0, -0.0].into()), 1.0, 0.0).label_counts(),
+            expected
+        );
+        assert_eq!(
+            channel(Voxels::F64(vec![0.0, 7.0, -2.0, -0.0].into()), 1.0, 0.0).label_counts(),
             expected
         );
         assert_eq!(channel(Voxels::U8(vec![2, 9, 0, 2].into()), 1.0, -2.0).label_counts(), expected);

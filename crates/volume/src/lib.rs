@@ -15,7 +15,7 @@ mod label;
 mod statistics;
 
 pub use buffer::{Buffer, NoMemory};
-pub use channel::{Channel, ChannelKind, NonFiniteCount, VoxelType, Voxels};
+pub use channel::{Channel, ChannelKind, NonFiniteCount, VoxelType, Voxels, single};
 pub use grid::{Grid, GridError};
 pub use label::{Label, LabelCount, LabelTable};
 pub use statistics::{Histogram, Statistics};

@@ -43,6 +43,7 @@ impl Statistics {
             Voxels::I16(v) => count(channel, v),
             Voxels::U16(v) => count(channel, v),
             Voxels::F32(v) => count(channel, v),
+            Voxels::F64(v) => count(channel, v),
         }
     }
 
@@ -72,7 +73,7 @@ trait Sample: Copy + Sync {
 macro_rules! sample {
     ($($t:ty)*) => { $(impl Sample for $t { fn to_f64(self) -> f64 { f64::from(self) } })* };
 }
-sample!(u8 i16 u16 f32);
+sample!(u8 i16 u16 f32 f64);
 
 fn count<T: Sample>(channel: &Channel, samples: &[T]) -> Statistics {
     let (low, high, sum, number) = samples

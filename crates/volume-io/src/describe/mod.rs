@@ -81,7 +81,7 @@ pub struct ChannelDescription {
     pub name: String,
     /// `intensity` or `label`.
     pub kind: &'static str,
-    /// How samples are held: `uint8`, `int16`, `uint16`, `float32`.
+    /// How samples are held: `uint8`, `int16`, `uint16`, `float32`, `float64`.
     pub r#type: &'static str,
     /// Value a stored unit.
     pub slope: f64,
@@ -267,7 +267,7 @@ fn float32_rounding(channel: &Channel) -> f64 {
     let Channel { slope, intercept, .. } = channel;
     let lost = |stored: f64| {
         let value = slope * stored + intercept;
-        (f64::from((*slope as f32).mul_add(stored as f32, *intercept as f32)) - value).abs()
+        (f64::from((*slope as f32).mul_add(volume::single(stored), *intercept as f32)) - value).abs()
     };
     let worst = |numbers: &mut dyn Iterator<Item = f64>| numbers.map(lost).fold(0.0, f64::max);
     let between = |low: Option<i32>, high: Option<i32>| match (low, high) {
@@ -280,6 +280,7 @@ fn float32_rounding(channel: &Channel) -> f64 {
         Voxels::U16(v) => between(v.iter().min().map(|&s| s.into()), v.iter().max().map(|&s| s.into())),
         Voxels::F32(_) if (*slope, *intercept) == (1.0, 0.0) => 0.0,
         Voxels::F32(v) => worst(&mut v.iter().map(|&s| f64::from(s))),
+        Voxels::F64(v) => worst(&mut v.iter().copied()),
     }
 }
 

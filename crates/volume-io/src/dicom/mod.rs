@@ -15,7 +15,7 @@ mod syntax;
 mod tags;
 
 use crate::load::{checked_axis, checked_scaling, finish};
-use crate::samples::{zeroed, zeroed_buffer};
+use crate::samples::{drawn_in_single, zeroed, zeroed_buffer};
 use crate::source::Source;
 use crate::text::short;
 use crate::{Format, LoadError, LoadOptions, Loaded};
@@ -276,13 +276,11 @@ fn load_series(
         HeldAs::U8 => series.read().map(|(v, r)| (Voxels::U8(v), r)),
         HeldAs::I16 => series.read().map(|(v, r)| (Voxels::I16(v), r)),
         HeldAs::U16 => series.read().map(|(v, r)| (Voxels::U16(v), r)),
-        HeldAs::F32 => series.read().map(|(v, r)| (Voxels::F32(v), r)),
+        HeldAs::F64 => series.read().map(|(v, r)| (Voxels::F64(v), r)),
     }?;
-    let (slope, intercept) = if held == HeldAs::F32 {
-        notes.push(format!(
-            "slices differ in slope, intercept or type, or have 32 bits: values are held as float32, rounded by at \
-             most {rounding:.3e}"
-        ));
+    let (slope, intercept) = if held == HeldAs::F64 {
+        notes.push("slices differ in slope, intercept or type, or have 32 bits".to_owned());
+        notes.extend(drawn_in_single(&voxels, rounding));
         (1.0, 0.0)
     } else {
         (scales[0][0], scales[0][1])
@@ -366,7 +364,7 @@ enum HeldAs {
     U8,
     I16,
     U16,
-    F32,
+    F64,
 }
 
 impl HeldAs {
@@ -375,7 +373,7 @@ impl HeldAs {
         let [low, high] = ranges.fold([0, 0], |[low, high], [l, h]| [low.min(l), high.max(h)]);
         let fits = |range: [i64; 2]| range[0] <= low && high <= range[1];
         if scales.iter().any(|scale| *scale != scales[0]) {
-            Self::F32
+            Self::F64
         } else if fits([0, 255]) {
             Self::U8
         } else if images[stack.slices[0].object].layout.signed && fits([-32_768, 32_767]) {
@@ -385,7 +383,7 @@ impl HeldAs {
         } else if fits([-32_768, 32_767]) {
             Self::I16
         } else {
-            Self::F32
+            Self::F64
         }
     }
 
@@ -393,7 +391,7 @@ impl HeldAs {
         match self {
             Self::U8 => 1,
             Self::I16 | Self::U16 => 2,
-            Self::F32 => 4,
+            Self::F64 => 8,
         }
     }
 }

@@ -137,7 +137,7 @@ impl Layout {
 pub(super) trait Held: bytemuck::Pod + Send + Sync {
     /// Bits of the type, if its bytes may be read from a file as they are.
     const BITS: Option<u32>;
-    /// The number, or its value; the second result is what rounding loses.
+    /// The number, or its value; the second result is what float32 of it would lose.
     fn of(number: i64, scale: [f64; 2]) -> (Self, f64);
     /// The number in the bits of a sample that was read as it is.
     fn trimmed(self, layout: &Layout) -> Self;
@@ -167,19 +167,17 @@ held!(u8, u8);
 held!(i16, u16);
 held!(u16, u16);
 
-impl Held for f32 {
+impl Held for f64 {
     const BITS: Option<u32> = None;
     fn of(number: i64, [slope, intercept]: [f64; 2]) -> (Self, f64) {
         let value = slope * number as f64 + intercept;
-        let held = value as f32;
-        (held, (f64::from(held) - value).abs())
+        (value, (f64::from(volume::single(value)) - value).abs())
     }
     fn trimmed(self, _: &Layout) -> Self {
         self
     }
     fn mixed(self, other: Self, part: f64) -> Self {
-        let [a, b] = [self, other].map(f64::from);
-        (a + (b - a) * part) as f32
+        self + (other - self) * part
     }
 }
 
@@ -195,7 +193,7 @@ pub(super) struct Frame<'a> {
     pub(super) scale: [f64; 2],
 }
 
-/// Reads a frame into its place. Gives back the largest difference between a value and what is held of it.
+/// Reads a frame into its place. Gives back the largest difference between a value that is held and float32 of it.
 pub(super) fn read<T: Held>(files: &Files<'_>, from: Frame<'_>, place: &mut [T]) -> Result<f64, LoadError> {
     let Frame { object, frame, layout, .. } = from;
     let mut part = files.open(object.file)?;

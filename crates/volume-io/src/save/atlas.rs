@@ -77,6 +77,6 @@ fn put(place: &mut [u8], voxels: &Voxels, range: std::ops::Range<usize>) {
             }
         }
         // Refused before.
-        Voxels::I16(_) | Voxels::F32(_) => {}
+        Voxels::I16(_) | Voxels::F32(_) | Voxels::F64(_) => {}
     }
 }

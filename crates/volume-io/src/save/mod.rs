@@ -150,6 +150,7 @@ fn cut_out(volume: Volume, options: &SaveOptions) -> Result<Picture, SaveError> 
         Voxels::I16(v) => Voxels::I16(cropped_samples(v, dims, crop).into()),
         Voxels::U16(v) => Voxels::U16(cropped_samples(v, dims, crop).into()),
         Voxels::F32(v) => Voxels::F32(cropped_samples(v, dims, crop).into()),
+        Voxels::F64(v) => Voxels::F64(cropped_samples(v, dims, crop).into()),
     };
     Ok(Picture { grid: cropped, channel, notes: Vec::new() })
 }
@@ -216,6 +217,7 @@ fn write_samples(out: &mut impl Write, voxels: &Voxels, options: &SaveOptions) -
         Voxels::I16(v) => each!(v),
         Voxels::U16(v) => each!(v),
         Voxels::F32(v) => each!(v),
+        Voxels::F64(v) => each!(v),
     }
     Ok(())
 }

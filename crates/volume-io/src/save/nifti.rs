@@ -30,6 +30,7 @@ pub(super) fn save(path: &Path, picture: Picture, options: &SaveOptions) -> Resu
         VoxelType::I16 => (4, 16),
         VoxelType::U16 => (512, 16),
         VoxelType::F32 => (16, 32),
+        VoxelType::F64 => (64, 64),
     };
     let header = Header {
         dims: grid.dims(),

@@ -22,6 +22,7 @@ pub(super) fn save(path: &Path, picture: Picture, options: &SaveOptions) -> Resu
         VoxelType::I16 => "int16",
         VoxelType::U16 => "uint16",
         VoxelType::F32 => "float",
+        VoxelType::F64 => "double",
     };
     let header = format!(
         "NRRD0004\ntype: {kind}\ndimension: 3\nspace: left-posterior-superior\nsizes: {x} {y} {z}\n\

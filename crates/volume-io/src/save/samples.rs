@@ -26,7 +26,7 @@ pub(super) fn converted(mut picture: Picture, options: &SaveOptions) -> Result<P
     let is_there = match &channel.voxels {
         Voxels::U8(_) => options.depth == Depth::Eight || options.window.is_none(),
         Voxels::I16(_) | Voxels::U16(_) => options.depth == Depth::Sixteen,
-        Voxels::F32(_) => false,
+        Voxels::F32(_) | Voxels::F64(_) => false,
     };
     if is_there && options.window.is_none() {
         return Ok(picture);
@@ -97,27 +97,24 @@ pub(super) fn unscaled(mut picture: Picture) -> Picture {
     let statistics = Statistics::of(channel);
     let whole = channel.slope.fract() == 0.0
         && channel.intercept.fract() == 0.0
-        && !matches!(channel.voxels, Voxels::F32(_));
+        && !matches!(channel.voxels, Voxels::F32(_) | Voxels::F64(_));
     let fits = |low: f64, high: f64| whole && low <= statistics.minimum && statistics.maximum <= high;
     let values = (0..channel.voxels.len()).map(|at| channel.value(at));
-    let mut worst = 0.0f64;
     channel.voxels = if fits(0.0, 255.0) {
         Voxels::U8(values.map(|v| v as u8).collect())
     } else if fits(-32_768.0, 32_767.0) {
         Voxels::I16(values.map(|v| v as i16).collect())
     } else if fits(0.0, 65_535.0) {
         Voxels::U16(values.map(|v| v as u16).collect())
+    } else if values.clone().all(|v| f64::from(v as f32) == v) {
+        Voxels::F32(values.map(|v| v as f32).collect())
     } else {
-        let held = values.map(|v| {
-            worst = worst.max((f64::from(v as f32) - v).abs());
-            v as f32
-        });
-        Voxels::F32(held.collect())
+        Voxels::F64(values.collect())
     };
     let name = channel.voxels.voxel_type().name();
     (channel.slope, channel.intercept) = (1.0, 0.0);
-    picture.notes.push(format!(
-        "the format has no slope and intercept: values are written as {name}, rounded by at most {worst:.3e}"
-    ));
+    picture
+        .notes
+        .push(format!("the format has no slope and intercept: values are written as {name}, without loss"));
     picture
 }

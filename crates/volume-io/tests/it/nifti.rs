@@ -65,13 +65,19 @@ fn other_types_are_converted_and_that_is_noted() {
 }
 
 #[test]
-fn what_a_conversion_loses_is_noted_in_values() {
-    // 2^24 + 1 as int32 with a slope of 3: off by 1 stored, 3 in values.
+fn what_float32_would_lose_is_held_and_what_a_device_loses_is_noted_in_values() {
+    // 2^24 + 1 as int32 with a slope of 3: in float32 off by 1 stored, 3 in values.
     let bytes = patched(
         "n1_le_i32_sagittal.nii",
         &[(352, &((1i32 << 24) + 1).to_le_bytes()), (112, &f32s(&[3.0, 0.0]))],
     );
-    assert_noted(&load_ok(&bytes), "held as float32: values are rounded by at most 3.000e0");
+    let loaded = load_ok(&bytes);
+    assert_noted(&loaded, "int32 in the file, held as float64 without loss");
+    assert_noted(&loaded, "draws from float32 of them, off by at most 3.000e0");
+    assert_eq!(loaded.volume.channels()[0].value(0), 3.0 * 16_777_217.0);
+    // 2^53 + 1 as int64: no float64.
+    let bytes = patched("n2_be_i64_flipped.nii", &[(544, &((1i64 << 53) + 1).to_be_bytes())]);
+    assert_noted(&load_ok(&bytes), "int64 in the file, held as float64: values are rounded by at most");
 }
 
 #[test]
@@ -235,9 +241,13 @@ fn samples_that_are_no_numbers_are_replaced_and_counted() {
 }
 
 #[test]
-fn float64_too_large_for_float32_is_noted_and_counted() {
+fn float64_is_held_to_the_bit_unless_it_is_beyond_all_measure() {
+    let third = load_ok(&patched("n1_le_f64_sheared.nii", &[(352, &(1.0f64 / 3.0).to_le_bytes())]));
+    let channel = &third.volume.channels()[0];
+    let expected = channel.slope * (1.0 / 3.0) + channel.intercept;
+    assert_eq!(channel.value(0).to_bits(), expected.to_bits());
     let loaded = load_ok(&patched("n1_le_f64_sheared.nii", &[(352, &(-1e300f64).to_le_bytes())]));
-    assert_noted(&loaded, "1 values are too large for float32");
+    assert_noted(&loaded, "1 values are beyond 1e150");
     assert_eq!(loaded.report.non_finite[0].negative_infinity, 1);
 }
 

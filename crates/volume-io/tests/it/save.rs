@@ -45,6 +45,8 @@ fn each_format_keeps_geometry_and_values() {
     let plain = volume(numbers(), 1.0, -1024.0, ChannelKind::Intensity);
     let floats = Voxels::F32((0..60).map(|i| i as f32 / 7.0).collect());
     let floats = volume(floats, 1.0, 0.0, ChannelKind::Intensity);
+    let doubles = Voxels::F64((0..60).map(|i| f64::from(i) / 7.0).collect());
+    let doubles = volume(doubles, 3.0, 0.5, ChannelKind::Intensity);
     for (name, format) in [
         ("a.nii", Format::Nifti1),
         ("a.nii.gz", Format::Nifti1),
@@ -56,6 +58,7 @@ fn each_format_keeps_geometry_and_values() {
         assert_same(&plain, &loaded.volume);
         if format != Format::Atlas {
             assert_same(&floats, &through(name, &floats, &SaveOptions::default()).1.volume);
+            assert_same(&doubles, &through(name, &doubles, &SaveOptions::default()).1.volume);
         }
     }
 }
@@ -67,8 +70,14 @@ fn a_slope_that_float32_does_not_hold_makes_nifti_2() {
     assert_eq!(loaded.report.format, Format::Nifti2);
     assert!(saved.notes[0].contains("NIfTI-2"), "{:?}", saved.notes);
     assert_same(&scaled, &loaded.volume);
-    let (saved, _) = through("a.nrrd", &scaled, &SaveOptions::default());
-    assert!(saved.notes[0].contains("float32, rounded by at most"), "{:?}", saved.notes);
+    // Without a slope, values take what holds them: none is rounded.
+    let (saved, loaded) = through("a.nrrd", &scaled, &SaveOptions::default());
+    assert!(saved.notes[0].contains("written as float64, without loss"), "{:?}", saved.notes);
+    assert_same(&scaled, &loaded.volume);
+    let halves = volume(numbers(), 0.5, 3.25, ChannelKind::Intensity);
+    let (saved, loaded) = through("a.nrrd", &halves, &SaveOptions::default());
+    assert!(saved.notes[0].contains("written as float32, without loss"), "{:?}", saved.notes);
+    assert_same(&halves, &loaded.volume);
 }
 
 #[test]
