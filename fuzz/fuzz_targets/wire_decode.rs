@@ -110,7 +110,7 @@ fn server(data: &[u8]) {
                 }
             }
         }
-        while server.poll_transmit().is_some() {}
+        while server.poll_transmit(now).is_some() {}
         while server.poll_event().is_some() {}
     }
 }

@@ -167,7 +167,7 @@ fn change_scene(shared: Arc<Shared>, seat: Arc<Seat>, session: &mut ServerSessio
 /// Sends what the session wants sent; returns code and reason if the connection is to be closed.
 fn send_all(shared: &Shared, connection: &Connection, seat: &Seat) -> Option<(CloseCode, String)> {
     loop {
-        let transmit = seat.session().poll_transmit()?;
+        let transmit = seat.session().poll_transmit(shared.clock.now())?;
         match transmit {
             ServerTransmit::Control(bytes) => {
                 match connection.send_control(bytes) {

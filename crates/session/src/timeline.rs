@@ -17,7 +17,7 @@ pub enum Stage {
     EncodeWait,
     /// The encoder.
     Encode,
-    /// From the encoder to the network.
+    /// From the encoder's end until the frame is handed to the network: the way from one thread to another.
     Send,
     /// From the network's hand to the last byte's arrival at the headset.
     Network,

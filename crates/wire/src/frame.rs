@@ -7,6 +7,9 @@ use bincode::{Decode, Encode};
 
 /// Bytes of the length prefix of a frame header.
 const PREFIX_BYTES: usize = 4;
+/// Where `depends_on` begins in a stream, and `sent_us` if that is none, as in `proto/wire.md`.
+const DEPENDS_ON_AT: usize = 12;
+const SENT_AT: usize = 181;
 
 /// What goes before the access unit.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
@@ -131,6 +134,21 @@ pub fn encode_frame(header: &FrameHeader, access_unit: &[u8]) -> Result<Vec<u8>,
     out[..PREFIX_BYTES].copy_from_slice(&length.to_le_bytes());
     out.extend_from_slice(access_unit);
     Ok(out)
+}
+
+/// Sets [`StageTimes::sent_us`] in what [`encode_frame`] made: when a frame goes out is known only then, and it is encoded
+/// before, by whoever has the time. Bytes that are no frame stay as they are.
+pub fn stamp_sent(stream: &mut [u8], sent_us: u64) {
+    // The option is a byte, and a number if that is 1.
+    let dependency = match stream.get(DEPENDS_ON_AT) {
+        Some(0) => 0,
+        Some(1) => 8,
+        _ => return,
+    };
+    let at = SENT_AT + dependency;
+    if let Some(sent) = stream.get_mut(at..at + 8) {
+        sent.copy_from_slice(&sent_us.to_le_bytes());
+    }
 }
 
 /// Takes the whole content of a frame's stream apart.

@@ -8,7 +8,8 @@
 //! - [`ClientMessage`] and [`ServerMessage`] travel on the control stream, each behind its length; [`ControlReader`]
 //!   cuts them out of the stream again.
 //! - [`ClientDatagram`] and [`ServerDatagram`] travel as QUIC datagrams.
-//! - [`encode_frame`] and [`decode_frame`] make and read the whole content of a frame's stream.
+//! - [`encode_frame`] and [`decode_frame`] make and read the whole content of a frame's stream; [`stamp_sent`] says when it
+//!   went out.
 //!
 //! Decoding never panics, uses all bytes or fails, and never allocates more than the limit of what is decoded.
 //! This crate knows no QUIC, no runtime, and no type of the renderer or of `spatial`.
@@ -36,6 +37,7 @@ pub use control::{
 pub use datagram::{ClientDatagram, ClockReport, Feedback, Ping, Pong, PoseSample, ServerDatagram};
 pub use frame::{
     DepthGrid, Frame, FrameHeader, Quality, StageTimes, decode_frame, encode_frame, frame_number_of_part,
+    stamp_sent,
 };
 pub use geometry::{EyeGeometry, EyeView, Fov, Pose};
 pub use limits::{

@@ -238,6 +238,16 @@ proptest! {
     }
 
     #[test]
+    fn a_frame_is_stamped_with_when_it_was_sent_and_is_otherwise_the_same(
+        (mut header, access_unit) in frame(), sent_us in any::<u64>(),
+    ) {
+        let mut stamped = encode_frame(&header, &access_unit).unwrap();
+        stamp_sent(&mut stamped, sent_us);
+        header.stages.sent_us = sent_us;
+        prop_assert_eq!(stamped, encode_frame(&header, &access_unit).unwrap());
+    }
+
+    #[test]
     fn arbitrary_bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..2000)) {
         decode_as_everything(&bytes);
     }

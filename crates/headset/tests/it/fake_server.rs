@@ -219,7 +219,7 @@ impl Serving {
     }
 
     fn transmit(&mut self, connection: &Connection) -> Option<(CloseCode, String)> {
-        while let Some(transmit) = self.session.poll_transmit() {
+        while let Some(transmit) = self.session.poll_transmit(self.now()) {
             match transmit {
                 ServerTransmit::Control(bytes) => connection.send_control(bytes).expect("the headset reads"),
                 ServerTransmit::Datagram(bytes) => connection.send_datagram(bytes),

@@ -232,7 +232,7 @@ impl ServerSession {
             self.watching_for_key_frame(|flow| flow.dropped(now, ticket.number, depends_on));
             return Ok(FrameFate::Undecodable);
         }
-        let header = header(&ticket, &frame, depends_on, now);
+        let header = header(&ticket, &frame, depends_on);
         let bytes = match encode_frame(&header, frame.access_unit) {
             Ok(bytes) => bytes,
             Err(error) => {
@@ -327,12 +327,7 @@ impl ServerSession {
     }
 }
 
-fn header(
-    ticket: &FrameTicket,
-    frame: &EncodedFrame<'_>,
-    depends_on: Option<u64>,
-    now: ServerTime,
-) -> FrameHeader {
+fn header(ticket: &FrameTicket, frame: &EncodedFrame<'_>, depends_on: Option<u64>) -> FrameHeader {
     let times = &frame.times;
     FrameHeader {
         frame: ticket.number,
@@ -350,7 +345,8 @@ fn header(
             converted_us: times.converted.as_micros(),
             encode_started_us: times.encode_started.as_micros(),
             encoded_us: times.encoded.as_micros(),
-            sent_us: now.as_micros(),
+            // Stamped when it goes out.
+            sent_us: times.encoded.as_micros(),
         },
         quality: frame.quality,
         depth: frame.depth.clone(),

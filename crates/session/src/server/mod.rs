@@ -296,8 +296,8 @@ impl ServerSession {
         }
     }
 
-    /// What to send next; `None` if nothing is left to send now.
-    pub fn poll_transmit(&mut self) -> Option<ServerTransmit> {
+    /// What to send next; `None` if nothing is left to send now. A frame says that it was sent `now`: send it at once.
+    pub fn poll_transmit(&mut self, now: ServerTime) -> Option<ServerTransmit> {
         let outbox = &mut self.outbox;
         if let Some(number) = outbox.resets.pop_front() {
             return Some(ServerTransmit::ResetFrame { number });
@@ -308,7 +308,8 @@ impl ServerSession {
         if let Some(bytes) = outbox.control.pop_front() {
             return Some(ServerTransmit::Control(bytes));
         }
-        if let Some(QueuedFrame { number, bytes }) = outbox.frames.pop_front() {
+        if let Some(QueuedFrame { number, mut bytes }) = outbox.frames.pop_front() {
+            wire::stamp_sent(&mut bytes, now.as_micros());
             let priority = i32::try_from(number).unwrap_or(i32::MAX - 1);
             return Some(ServerTransmit::Frame { number, bytes, priority });
         }

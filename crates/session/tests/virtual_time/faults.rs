@@ -32,9 +32,18 @@ fn check_refusal(control: &[u8], code: CloseCode, reason: &str) {
         server.poll_event(),
         Some(ServerEvent::Disconnected(Disconnection { by: ClosedBy::Us, code, reason: reason.to_owned() }))
     );
-    assert!(matches!(server.poll_transmit(), Some(ServerTransmit::Control(_))), "a goodbye");
-    assert_eq!(server.poll_transmit(), Some(ServerTransmit::Close { code, reason: reason.to_owned() }));
-    assert_eq!((server.poll_transmit(), server.poll_event(), server.poll_timeout()), (None, None, None));
+    assert!(
+        matches!(server.poll_transmit(server_time(3_000)), Some(ServerTransmit::Control(_))),
+        "a goodbye"
+    );
+    assert_eq!(
+        server.poll_transmit(server_time(3_000)),
+        Some(ServerTransmit::Close { code, reason: reason.to_owned() })
+    );
+    assert_eq!(
+        (server.poll_transmit(server_time(3_000)), server.poll_event(), server.poll_timeout()),
+        (None, None, None)
+    );
     assert!(server.begin_frame(server_time(2_000)).is_none(), "nothing is rendered");
 }
 
@@ -50,7 +59,10 @@ fn connected() -> ServerSession {
         codec: "avc1.42C01F".to_owned(),
     };
     server.welcome(server_time(2_000), &terms);
-    assert!(matches!(server.poll_transmit(), Some(ServerTransmit::Control(_))), "a welcome");
+    assert!(
+        matches!(server.poll_transmit(server_time(3_000)), Some(ServerTransmit::Control(_))),
+        "a welcome"
+    );
     server
 }
 
@@ -363,11 +375,11 @@ fn a_late_frame_takes_with_it_what_hangs_on_it_and_only_that() {
     server.handle_datagram(server_time(12_000), &ClientDatagram::Feedback(feedback).encode());
     make_frame(&mut server, 30_000, 1, Reference::Previous);
     make_frame(&mut server, 50_000, 2, Reference::Previous);
-    while server.poll_transmit().is_some() {}
+    while server.poll_transmit(server_time(3_000)).is_some() {}
     // Frame 1 is expected to be shown at 80 ms; 100 ms later it is late, and a round trip of 2 ms longer.
     assert_eq!(server.poll_timeout(), Some(server_time(182_000)));
     server.handle_timeout(server_time(182_000));
-    let resets: Vec<_> = std::iter::from_fn(|| server.poll_transmit()).collect();
+    let resets: Vec<_> = std::iter::from_fn(|| server.poll_transmit(server_time(3_000))).collect();
     assert_eq!(resets, [ServerTransmit::ResetFrame { number: 1 }, ServerTransmit::ResetFrame { number: 2 }]);
     assert!(server.next_must_be_key_frame());
     assert_eq!(server.counters().window, 1);
@@ -392,9 +404,24 @@ fn a_frame_that_was_not_yet_taken_is_reset_without_a_word() {
     server.handle_timeout(server_time(2_000_000));
     assert_eq!(server.counters().frames_reset, 1);
     assert!(
-        std::iter::from_fn(|| server.poll_transmit())
+        std::iter::from_fn(|| server.poll_transmit(server_time(3_000)))
             .all(|transmit| matches!(transmit, ServerTransmit::Control(_)))
     );
+}
+
+#[test]
+fn a_frame_says_when_it_went_out_and_not_when_it_was_encoded() {
+    let mut server = connected();
+    for (at_us, sequence, reference) in [(10_000, 0, Reference::None), (30_000, 1, Reference::Previous)] {
+        make_frame(&mut server, at_us, sequence, reference);
+        let transmit = server.poll_transmit(server_time(at_us + 700));
+        let Some(ServerTransmit::Frame { bytes, .. }) = transmit else {
+            panic!("a frame, found {transmit:?}")
+        };
+        let stages = wire::decode_frame(&bytes).expect("a frame").header.stages;
+        let sent_us = server_time(at_us + 700).as_micros();
+        assert_eq!((stages.encoded_us, stages.sent_us), (sent_us - 700, sent_us));
+    }
 }
 
 #[test]
@@ -428,7 +455,9 @@ fn a_scene_that_grows_over_the_limit_is_announced_without_its_text() {
     let mut server = connected();
     let scene = "x".repeat(wire::MAX_CONTROL_BYTES);
     server.scene_changed(None, 7, Some(&scene));
-    let Some(ServerTransmit::Control(bytes)) = server.poll_transmit() else { panic!("an announcement") };
+    let Some(ServerTransmit::Control(bytes)) = server.poll_transmit(server_time(3_000)) else {
+        panic!("an announcement")
+    };
     let changed = wire::ServerMessage::SceneChanged { request_id: None, revision: 7, scene_json: None };
     assert_eq!(wire::ServerMessage::decode(&bytes[4..]), Ok(changed));
 }
@@ -441,7 +470,7 @@ fn scene_requests_that_nobody_takes_are_refused() {
         server.handle_control(server_time(3_000), &scene.encode().expect("a small scene"));
     }
     let events = std::iter::from_fn(|| server.poll_event()).count();
-    let refusals = std::iter::from_fn(|| server.poll_transmit()).count();
+    let refusals = std::iter::from_fn(|| server.poll_transmit(server_time(3_000))).count();
     assert_eq!((events, refusals), (8, 12));
 }
 

@@ -133,11 +133,12 @@ proptest! {
                     }
                 }
                 Operation::Drain => {
-                    while let Some(transmit) = server.poll_transmit() {
+                    while let Some(transmit) = server.poll_transmit(now) {
                         if let ServerTransmit::Frame { number, bytes, .. } = transmit {
                             prop_assert!(newest_sent.is_none_or(|newest| newest < number));
                             newest_sent = Some(number);
-                            prop_assert_eq!(wire::decode_frame(&bytes).expect("a frame").header.frame, number);
+                            let header = wire::decode_frame(&bytes).expect("a frame").header;
+                            prop_assert_eq!((header.frame, header.stages.sent_us), (number, now.as_micros()));
                         }
                     }
                     while let Some(event) = server.poll_event() {

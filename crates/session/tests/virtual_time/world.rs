@@ -378,7 +378,7 @@ impl World {
             }
             self.server_events.push(event);
         }
-        while let Some(transmit) = self.server.poll_transmit() {
+        while let Some(transmit) = self.server.poll_transmit(server_time(now)) {
             match transmit {
                 ServerTransmit::Control(bytes) => self.down.send_control(now, &bytes),
                 ServerTransmit::Datagram(bytes) => self.down.send_datagram(now, bytes),
