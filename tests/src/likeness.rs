@@ -78,6 +78,12 @@ impl Planes {
         }
     }
 
+    /// Luma of the brightest pixel, 16 to 235.
+    #[must_use]
+    pub fn brightest_luma(&self) -> f64 {
+        self.y.iter().copied().fold(0.0, f64::max)
+    }
+
     /// How alike this and another are.
     #[must_use]
     pub fn likeness(&self, other: &Self) -> Likeness {

@@ -93,15 +93,21 @@ impl TestServer {
             source: VolumeSource { path: (i + 1).to_string().into(), series: None, kind: None },
             facts: VolumeFacts::of(volume),
         };
+        let on_device = || std::iter::once(&volume).chain(&others).map(upload).collect();
         let volumes = Volumes {
-            on_device: std::iter::once(&volume).chain(&others).map(upload).collect(),
+            on_device: on_device(),
             facts: VolumeFacts::of(&volume),
             others: others.iter().enumerate().map(called).collect(),
             series,
         };
         let scene = SceneFile::from_json(scene_json).unwrap_or_else(|e| panic!("{e}"));
         let identity = Identity::ephemeral().unwrap_or_else(|e| panic!("{e}"));
-        let server = Server::start(settings.clone(), &identity, gpu(), volumes.clone(), &scene)
+        // The steps of a series are the server's own: it waits until they are gone.
+        let served = match volumes.series {
+            Some(_) => Volumes { on_device: on_device(), ..volumes.clone() },
+            None => volumes.clone(),
+        };
+        let server = Server::start(settings.clone(), &identity, gpu(), served, &scene)
             .unwrap_or_else(|e| panic!("{e}"));
         let pool = DecodePool::new(NonZero::<usize>::MIN).expect("a thread");
         Self { server, volume, others, settings, volumes, pool, _alone: alone }

@@ -1,12 +1,13 @@
 //! A series in time: headsets see the step that its frame's header says, and the play goes on whatever a step does.
 #![expect(clippy::unwrap_used, reason = "a test that cannot set itself up has failed")]
 
-use end_to_end::{Likeness, Planes, TestServer, Viewer, growing, scene_with, settings, subject};
+use end_to_end::{Likeness, Planes, TestServer, Viewer, growing, scene_with, settings, subject, until};
 use headset::HeadsetEvent;
 use render::Quality;
 use server::{Series, Settings};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
 use volume::Volume;
 
 const STEPS: u32 = 4;
@@ -34,9 +35,20 @@ fn standing() -> String {
 }
 
 fn room(steps: &[Volume], scene_json: &str) -> TestServer {
+    counting_room(steps, scene_json).0
+}
+
+/// A room, and how many steps were loaded for it.
+fn counting_room(steps: &[Volume], scene_json: &str) -> (TestServer, Arc<AtomicUsize>) {
     let all: Vec<Arc<Volume>> = steps.iter().cloned().map(Arc::new).collect();
-    let series = Series::new(STEPS, 0, Arc::new(move |step: u32| Ok(all[step as usize].clone())));
-    TestServer::start_series(steps[0].clone(), series, scene_json, generous())
+    let loads = Arc::new(AtomicUsize::new(0));
+    let counted = loads.clone();
+    let load = move |step: u32| {
+        counted.fetch_add(1, Ordering::Relaxed);
+        Ok(all[step as usize].clone())
+    };
+    let series = Series::new(steps.len() as u32, 0, Arc::new(load));
+    (TestServer::start_series(steps[0].clone(), series, scene_json, generous()), loads)
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -92,6 +104,68 @@ async fn a_play_goes_round_and_stays_where_it_is_when_the_scene_plays_no_more() 
     viewer.headset.change_scene(&playing(2.0, None)).unwrap();
     assert_eq!(viewer.frame_of_scene(2, 0).await.received.header.time_step, stays);
     viewer.frame_of_step((stays + 1) % STEPS, 0).await;
+    viewer.leave().await;
+    room.shutdown().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_play_begins_with_the_step_that_it_is_to_begin_with() {
+    let room = room(&growing(STEPS), &standing());
+    let mut viewer = Viewer::join(&room, "viewer").await;
+    viewer.frame_after(0).await;
+    // Slow, so that also a busy machine sees each of them.
+    viewer.headset.change_scene(&playing(1.0, Some(2))).unwrap();
+    let mut seen = vec![0];
+    while seen.len() < 4 {
+        let step = viewer.frame_after(0).await.received.header.time_step;
+        if seen.last() != Some(&step) {
+            seen.push(step);
+        }
+    }
+    assert_eq!(seen, [0, 2, 3, 0]);
+    viewer.leave().await;
+    room.shutdown().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_play_stands_while_nobody_looks() {
+    // What would be loaded meanwhile, if it did not.
+    const MEANWHILE: Duration = Duration::from_millis(500);
+    let (room, loads) = counting_room(&growing(STEPS), &playing(20.0, Some(2)));
+    let loads = || loads.load(Ordering::Relaxed);
+    // The first step is made for whoever comes.
+    until("the first step is there", || loads() == 1).await;
+    tokio::time::sleep(MEANWHILE).await;
+    assert_eq!(loads(), 1);
+    let mut viewer = Viewer::join(&room, "viewer").await;
+    assert_eq!(viewer.frame_after(0).await.received.header.time_step, 2);
+    viewer.frame_of_step(0, 0).await;
+    viewer.frame_of_step(1, 0).await;
+    viewer.leave().await;
+    room.is_empty().await;
+    let when_it_left = loads();
+    assert!(when_it_left >= 4, "{when_it_left}");
+    tokio::time::sleep(MEANWHILE).await;
+    // One may have been in the making.
+    assert!(loads() <= when_it_left + 1, "{} after {when_it_left}", loads());
+    room.shutdown().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_label_that_a_step_lacks_is_not_seen_and_the_step_is_shown() {
+    let both = end_to_end::labels();
+    let mut alone = both.channels()[0].clone();
+    let only_one = |label: &u8| if *label == 1 { 1 } else { 0 };
+    alone.voxels = volume::Voxels::U8(alone.voxels.as_bytes().iter().map(only_one).collect());
+    let lacks_two = Volume::new(both.grid().clone(), vec![alone]).unwrap();
+    let scene = r#"{"labels": {"only": [2], "opacity": {"2": 0.2}}, "play": {"steps_per_sec": 4}}"#;
+    let room = room(&[both, lacks_two], scene);
+    let mut viewer = Viewer::join(&room, "viewer").await;
+    for (step, is_seen) in [(0, true), (1, false), (0, true)] {
+        let frame = viewer.frame_of_step(step, 0).await;
+        let luma = Planes::of_decoded(&frame.picture).brightest_luma();
+        assert_eq!(luma > 60.0, is_seen, "step {step} has a luma of {luma}");
+    }
     viewer.leave().await;
     room.shutdown().await;
 }

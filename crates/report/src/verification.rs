@@ -17,6 +17,9 @@ pub struct Verification {
 pub struct VerifiedFrame {
     /// The frame's number in its session.
     pub frame: u64,
+    /// Which volume of a series in time it shows, and was held against; counted from 0.
+    #[serde(default)]
+    pub time_step: u32,
     /// Against the exact picture of the view that it was made for: what renderer and codec did to it.
     pub at_rendered_pose: PictureError,
     /// Against the exact picture of where the eyes were when it was shown, without reprojection.

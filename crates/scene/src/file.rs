@@ -191,13 +191,16 @@ impl VolumeFacts {
     }
 
     /// The same for another step of a series in time: numbers that fill a scene's gaps stay, so that a picture does not
-    /// flicker where values go up and down; the labels are those that this step has.
+    /// flicker where values go up and down. Labels of this step come to those known before, which stay too: a scene that
+    /// names one is right also where it is not in the picture.
     #[must_use]
-    pub fn of_step(&self, step: &volume::Volume) -> Self {
+    pub fn with_step(&self, step: &volume::Volume) -> Self {
         let mut facts = self.clone();
         for (of, channel) in facts.channels.iter_mut().zip(step.channels()) {
             if let Some(labels) = &mut of.labels {
-                labels.present = channel.label_counts().iter().map(|l| l.number).collect();
+                labels.present.extend(channel.label_counts().iter().map(|l| l.number));
+                labels.present.sort_unstable();
+                labels.present.dedup();
             }
         }
         facts
@@ -502,6 +505,28 @@ mod tests {
         assert!(message.contains("'mr'") && message.contains("0 'ct', 1 'pet'"), "{message}");
         let by_name = SceneFile::from_json(r#"{"channel": "pet"}"#).unwrap().resolve(&facts()).unwrap();
         assert_eq!(by_name.channel, 1);
+    }
+
+    #[test]
+    fn a_label_that_a_step_lacks_is_known_all_the_same() {
+        let step = |numbers: [u8; 2]| {
+            let channel = volume::Channel {
+                name: "organs".into(),
+                kind: volume::ChannelKind::Label,
+                voxels: volume::Voxels::U8(numbers.to_vec().into()),
+                slope: 1.0,
+                intercept: 0.0,
+            };
+            let grid = volume::Grid::axis_aligned([2, 1, 1], spatial::DVec3::ONE).unwrap();
+            volume::Volume::new(grid, vec![channel]).unwrap()
+        };
+        let first = VolumeFacts::of(&step([0, 7]));
+        let second = first.with_step(&step([0, 3]));
+        assert_eq!(second.channels[0].labels.as_ref().unwrap().present, [0, 3, 7]);
+        let scene = SceneFile::from_json(r#"{"labels": {"only": [7]}}"#).unwrap();
+        let looks = scene.resolve(&second).unwrap().labels.unwrap();
+        assert!(looks.at(7).opacity_per_mm > 0.0);
+        assert_eq!(looks.at(3).opacity_per_mm, 0.0);
     }
 
     #[test]

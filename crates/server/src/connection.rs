@@ -131,6 +131,7 @@ fn open_stream(shared: Arc<Shared>, seat: Arc<Seat>, device: Device) {
                     terms.width_px, terms.height_px, terms.refresh_hz, f64::from(terms.bitrate_bps) / 1e6
                 );
                 seat.session().welcome(now, &terms);
+                shared.played.wake();
             }
             Err((code, reason)) => seat.session().close(now, code, &reason),
         }

@@ -27,8 +27,8 @@ struct Drawing {
     seat: Arc<Seat>,
     ticket: FrameTicket,
     frame: FrameInFlight,
-    scene_revision: u32,
-    time_step: u32,
+    /// What is drawn, kept until it is: the thread `play` counts by it what is on the device.
+    shown: Shown,
     rung: Rung,
     lit: bool,
     submitted: ServerTime,
@@ -110,17 +110,7 @@ impl RenderLoop {
         match self.submit(&seat, &ticket) {
             Ok((frame, shown, rung, lit)) => {
                 let submitted = self.shared.clock.now();
-                let Shown { revision: scene_revision, time_step, .. } = shown;
-                self.on_device.push_back(Drawing {
-                    seat,
-                    ticket,
-                    frame,
-                    scene_revision,
-                    time_step,
-                    rung,
-                    lit,
-                    submitted,
-                });
+                self.on_device.push_back(Drawing { seat, ticket, frame, shown, rung, lit, submitted });
             }
             Err(error) => {
                 self.failures += 1;
@@ -164,8 +154,10 @@ impl RenderLoop {
     }
 
     fn finish(&mut self, drawing: Drawing) {
-        let Drawing { seat, ticket, frame, scene_revision, time_step, rung, lit, submitted } = drawing;
+        let Drawing { seat, ticket, frame, shown, rung, lit, submitted } = drawing;
         let finished = frame.finish();
+        let Shown { scene, revision: scene_revision, time_step } = shown;
+        drop(scene);
         let converted = self.shared.clock.now();
         // The device draws one frame after the other: this one waited until the one before it was done.
         let render_started = submitted.max(self.device_free).min(converted);

@@ -57,6 +57,8 @@ impl fmt::Debug for Series {
 pub(crate) enum StepError {
     #[error("{0}")]
     Load(Box<dyn Error + Send + Sync>),
+    #[error("two steps are on the device already")]
+    Full,
     #[error("it has {found:?} voxels, expected {expected:?} as the first has")]
     Dims { found: [u32; 3], expected: [u32; 3] },
     #[error(transparent)]

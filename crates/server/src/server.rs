@@ -83,7 +83,7 @@ pub(crate) struct Shared {
     pub(crate) clock: Clock,
     pub(crate) room: Room,
     pub(crate) wishes: Wishes,
-    /// Tells the thread `play` of another scene.
+    /// Tells the thread `play` of another scene and of headsets that come.
     pub(crate) played: Wishes,
     seats: Mutex<Arc<Vec<Arc<Seat>>>>,
     stopping: AtomicBool,
@@ -99,6 +99,11 @@ impl Shared {
     /// The seats of this moment.
     pub(crate) fn seats(&self) -> Arc<Vec<Arc<Seat>>> {
         locked(&self.seats).clone()
+    }
+
+    /// Whether there is somebody to see.
+    pub(crate) fn has_headsets(&self) -> bool {
+        self.seats().iter().any(|seat| seat.stream().is_some())
     }
 
     pub(crate) fn is_stopping(&self) -> bool {
@@ -118,7 +123,7 @@ impl Shared {
         json: &str,
         announce: impl FnOnce(u32),
     ) -> Result<u32, SceneChangeError> {
-        let changed = self.room.change(self.clock.now(), json, announce);
+        let changed = self.room.change(json, announce);
         self.played.wake();
         changed
     }
@@ -196,7 +201,7 @@ impl Server {
     ) -> Result<Self, StartError> {
         let clock = Clock::start();
         let series = volumes.series.clone();
-        let room = Room::new(clock.now(), gpu, volumes, settings.quality, scene)?;
+        let room = Room::new(gpu, volumes, settings.quality, scene)?;
         let endpoint = ServerEndpoint::bind(settings.listen, identity, &[wire::ALPN], &settings.transport)?;
         let address =
             endpoint.local_addr().map_err(|source| StartError::System { what: "the address", source })?;

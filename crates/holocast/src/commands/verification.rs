@@ -37,7 +37,7 @@ impl Known {
     fn step(&self, step: u32) -> anyhow::Result<(Volume, Scene)> {
         let options = LoadOptions { time: u64::from(step), ..self.options.clone() };
         let volume = load_volume(&self.shown.volume_path, options)?.volume;
-        let facts = self.shown.facts.of_step(&volume);
+        let facts = self.shown.facts.with_step(&volume);
         let scene = self.shown.file.resolve_among(&facts, &self.shown.others_facts)?;
         Ok((volume, scene))
     }
@@ -86,6 +86,7 @@ fn verified_frame(exact: &Exact<'_>, sampled: &SampledFrame) -> anyhow::Result<V
     };
     Ok(VerifiedFrame {
         frame: sampled.frame,
+        time_step: sampled.time_step,
         at_rendered_pose: error(verdict.at_rendered_pose),
         at_display_pose: error(verdict.at_display_pose),
         offset_px: verdict.offset_px,

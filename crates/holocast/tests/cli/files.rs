@@ -65,10 +65,18 @@ fn ball() -> Vec<i16> {
 
 /// The ball as NIfTI-1: int16, voxels of 20×20×25 mm.
 pub(crate) fn nifti() -> Vec<u8> {
+    nifti_of(&[100])
+}
+
+/// A series in time, for each step the percents of the ball's values that it has; of one step a plain volume.
+pub(crate) fn nifti_of(percents: &[i32]) -> Vec<u8> {
+    let steps = percents.len() as u16;
     let mut bytes = vec![0u8; 352];
     let mut put = |at: usize, value: &[u8]| bytes[at..at + value.len()].copy_from_slice(value);
     put(0, &348i32.to_le_bytes());
-    for (i, dim) in [3, DIMS[0], DIMS[1], DIMS[2], 1, 1, 1, 1].into_iter().enumerate() {
+    for (i, dim) in
+        [if steps > 1 { 4 } else { 3 }, DIMS[0], DIMS[1], DIMS[2], steps, 1, 1, 1].into_iter().enumerate()
+    {
         put(40 + 2 * i, &dim.to_le_bytes());
     }
     // int16
@@ -82,7 +90,9 @@ pub(crate) fn nifti() -> Vec<u8> {
     // Millimetres, seconds.
     put(123, &[10]);
     put(344, b"n+1\0");
-    bytes.extend(ball().iter().flat_map(|v| v.to_le_bytes()));
+    for percent in percents {
+        bytes.extend(ball().iter().flat_map(|&v| ((i32::from(v) * percent / 100) as i16).to_le_bytes()));
+    }
     bytes
 }
 

@@ -8,5 +8,6 @@ mod looks;
 mod network;
 mod pictures;
 mod program;
+mod series;
 mod stills;
 mod volumes;

@@ -1,16 +1,40 @@
 //! `serve`, `headset` and `load` together.
 
 use crate::files::{Folder, png};
-use crate::program::{PATIENCE, Running, run};
+use crate::program::{PATIENCE, Running, Said, run};
 use std::fs;
 use std::time::{Duration, Instant};
 
+/// A server on a free port, and what it tells of itself.
+fn serve_volume(folder: &Folder, volume: &str, more: &[&str]) -> (Running, serde_json::Value) {
+    let identity = folder.arg("identity");
+    let common = ["serve", "--volume", volume, "--identity", &identity, "--listen", "127.0.0.1:0", "--json"];
+    let mut server = Running::start([&common[..], more].concat());
+    let told = serde_json::from_str(&server.line()).unwrap();
+    (server, told)
+}
+
+/// The same of a scene.
+pub(crate) fn serve_scene(
+    folder: &Folder,
+    volume: &str,
+    scene: &str,
+    more: &[&str],
+) -> (Running, serde_json::Value) {
+    serve_volume(folder, volume, &[&["--scene", scene], more].concat())
+}
+
+/// A headset that walks around what a server shows, by what it tells of itself.
+pub(crate) fn headset(server: &serde_json::Value, more: &[&str]) -> Said {
+    let of = |field: &str| server[field].as_str().unwrap();
+    let common =
+        ["headset", "--connect", of("address"), "--fingerprint", of("fingerprint"), "--trace", "orbit"];
+    run([&common[..], more].concat())
+}
+
 /// A server of the ball on a free port, its address and its fingerprint.
 fn serve(folder: &Folder, more: &[&str]) -> (Running, String, String) {
-    let (volume, identity) = (folder.volume(), folder.arg("identity"));
-    let common = ["serve", "--volume", &volume, "--identity", &identity, "--listen", "127.0.0.1:0", "--json"];
-    let mut server = Running::start([&common[..], more].concat());
-    let told: serde_json::Value = serde_json::from_str(&server.line()).unwrap();
+    let (server, told) = serve_volume(folder, &folder.volume(), more);
     let of = |field: &str| told[field].as_str().unwrap().to_owned();
     assert!(!of("adapter").is_empty());
     assert_eq!(told["volume"]["dims"], serde_json::json!([12, 10, 8]), "{told}");
@@ -18,7 +42,7 @@ fn serve(folder: &Folder, more: &[&str]) -> (Running, String, String) {
 }
 
 /// Ends it as Ctrl-C does, and gives what it says last.
-fn stop(server: Running) -> serde_json::Value {
+pub(crate) fn stop(server: Running) -> serde_json::Value {
     server.interrupt();
     let said = server.end();
     assert!(!said.err.contains("panicked"), "{}", said.err);

@@ -128,6 +128,7 @@ fn verified(frame: u64) -> VerifiedFrame {
     };
     VerifiedFrame {
         frame,
+        time_step: 0,
         at_rendered_pose: error(40.0 + 0.1 * frame as f64),
         at_display_pose: error(30.0 - 0.2 * frame as f64),
         offset_px: Some(0.05),
