@@ -5,6 +5,7 @@ use crate::error::RenderError;
 use crate::gpu::Gpu;
 use crate::labels::{SeenLabels, looks_on_device};
 use crate::layout::{GpuFrame, GpuStretch};
+use crate::pipelines::Features;
 use crate::several::{Several, Together};
 use crate::table::{
     SeenValues, TABLE_WIDTH, TableDomain, extinction_table, optical_table, stretches, table_texture,
@@ -34,6 +35,16 @@ pub struct SceneNumbers {
     pub(crate) frame: GpuFrame,
     /// Where the volumes lie, if there is more to show than the first alone.
     pub(crate) together: Option<Together>,
+}
+
+impl SceneNumbers {
+    /// Whether rays are gone along in steps at a quality, so that longer ones make a picture cheaper; not from cell to cell,
+    /// nor from label to label.
+    #[must_use]
+    pub fn takes_steps(&self, quality: &Quality) -> bool {
+        let features = Features::of(self, quality);
+        !features.cells && !features.labels
+    }
 }
 
 /// A scene on the device. Made beside the frame loop, then handed to it whole: the old picture goes on meanwhile.

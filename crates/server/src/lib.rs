@@ -30,7 +30,7 @@ mod server;
 mod settings;
 
 pub use playback::Playback;
-pub use quality::{LADDER, QualityController, Rung};
+pub use quality::{LADDER, LADDER_WITHOUT_STEPS, QualityController, Rung};
 pub use room::{SceneChangeError, Volumes};
 pub use scheduler::{Scheduler, Wish};
 pub use seat::SeatSnapshot;

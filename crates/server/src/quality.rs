@@ -42,6 +42,20 @@ pub const LADDER: [Rung; 12] = [
     Rung::new(0.26, 4.0),
 ];
 
+/// The same where nothing is gone through in steps, so that longer ones would bring nothing: only rays are given up.
+pub const LADDER_WITHOUT_STEPS: [Rung; 10] = [
+    Rung::new(1.0, 1.0),
+    Rung::new(0.85, 1.0),
+    Rung::new(0.75, 1.0),
+    Rung::new(0.65, 1.0),
+    Rung::new(0.57, 1.0),
+    Rung::new(0.5, 1.0),
+    Rung::new(0.43, 1.0),
+    Rung::new(0.37, 1.0),
+    Rung::new(0.31, 1.0),
+    Rung::new(0.26, 1.0),
+];
+
 /// Above this part of the device's time, frames come too late: what jitters finds the device busy.
 const TOO_MUCH: f64 = 0.8;
 /// What a step down aims at.
@@ -56,27 +70,41 @@ const PATIENCE: Duration = Duration::from_secs(1);
 const MOST_PATIENCE: Duration = Duration::from_secs(32);
 /// A step up that is taken back within this time was a mistake.
 const MISTAKE: Duration = Duration::from_secs(3);
+/// The least part of a frame's cost that is taken to go with its rays and samples when a step up is weighed, whatever two
+/// measurements seem to say.
+const LEAST_VARIABLE: f64 = 0.2;
 /// A step up that has held for this long was none, and patience is forgotten.
 const PROVEN: Duration = Duration::from_secs(20);
 
 /// Chooses a rung from the load of the device. Reads no clock.
 #[derive(Clone, Debug)]
 pub struct QualityController {
+    ladder: &'static [Rung],
     rung: usize,
     patience: Duration,
     changed_at: Option<ServerTime>,
+    /// Cost of the rung before this one, and the load there: with the load here, what part of a frame is always the same.
+    before: Option<(f64, f64)>,
     raised_at: Option<ServerTime>,
     room_since: Option<ServerTime>,
 }
 
 impl Default for QualityController {
     fn default() -> Self {
-        Self { rung: 0, patience: PATIENCE, changed_at: None, raised_at: None, room_since: None }
+        Self {
+            ladder: &LADDER,
+            rung: 0,
+            patience: PATIENCE,
+            changed_at: None,
+            before: None,
+            raised_at: None,
+            room_since: None,
+        }
     }
 }
 
 impl QualityController {
-    /// Begins on the topmost rung.
+    /// Begins on the topmost rung, with a scene that is gone through in steps.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
@@ -85,7 +113,19 @@ impl QualityController {
     /// The rung it stands on.
     #[must_use]
     pub fn rung(&self) -> Rung {
-        LADDER[self.rung]
+        self.ladder[self.rung]
+    }
+
+    /// Says whether the scene that is drawn from now on is gone through in steps. What is given up of the resolution stays.
+    pub fn draws(&mut self, now: ServerTime, takes_steps: bool) {
+        let ladder: &'static [Rung] = if takes_steps { &LADDER } else { &LADDER_WITHOUT_STEPS };
+        if ladder.len() == self.ladder.len() {
+            return;
+        }
+        let Rung { resolution_scale, .. } = self.rung();
+        // Every resolution is on both; of the topmost one the rung with all steps.
+        self.rung = ladder.iter().position(|r| r.resolution_scale <= resolution_scale).unwrap_or_default();
+        (self.ladder, self.changed_at, self.before, self.room_since) = (ladder, Some(now), None, None);
     }
 
     /// Takes a measurement: `load` is the part of the device's time that all sessions' frames would take at their full
@@ -107,7 +147,7 @@ impl QualityController {
 
     fn lower(&mut self, now: ServerTime, load: f64) -> bool {
         let allowed = self.rung().cost() * AIM / load;
-        let last = LADDER.len() - 1;
+        let last = self.ladder.len() - 1;
         if self.rung == last {
             return false;
         }
@@ -115,14 +155,15 @@ impl QualityController {
             self.patience = (self.patience * 2).min(MOST_PATIENCE);
         }
         self.raised_at = None;
-        self.rung = (self.rung + 1..=last).find(|&r| LADDER[r].cost() <= allowed).unwrap_or(last);
+        self.before = Some((self.rung().cost(), load));
+        self.rung = (self.rung + 1..=last).find(|&r| self.ladder[r].cost() <= allowed).unwrap_or(last);
         self.changed_at = Some(now);
         true
     }
 
     fn raise(&mut self, now: ServerTime, load: f64) -> bool {
         let Some(above) = self.rung.checked_sub(1) else { return false };
-        if load * LADDER[above].cost() / self.rung().cost() > ROOM {
+        if self.expected_load(load, self.ladder[above].cost()) > ROOM {
             self.room_since = None;
             return false;
         }
@@ -130,11 +171,24 @@ impl QualityController {
         if now.since(since) < self.patience {
             return false;
         }
+        self.before = Some((self.rung().cost(), load));
         self.rung = above;
         self.room_since = None;
         self.changed_at = Some(now);
         self.raised_at = Some(now);
         true
+    }
+
+    /// What the load would be at another cost. A part of each frame costs the same on every rung, such as converting and
+    /// reading back; whoever took all of it to grow with the rays would never go up the last rungs.
+    fn expected_load(&self, load: f64, cost: f64) -> f64 {
+        let here = self.rung().cost();
+        let most = load / here;
+        let slope = match self.before {
+            Some((cost_before, load_before)) => (load_before - load) / (cost_before - here),
+            None => most,
+        };
+        load + slope.clamp(LEAST_VARIABLE * most, most) * (cost - here)
     }
 }
 
@@ -142,15 +196,22 @@ impl QualityController {
 mod tests {
     use super::*;
 
+    fn at(secs: f64) -> ServerTime {
+        ServerTime::from_micros((secs * 1e6) as u64)
+    }
+
     /// Runs a controller against a device for `secs`, a measurement every 16 ms: `load(secs, cost)`. Returns the rungs
     /// by time of change.
     fn run(secs: f64, load: impl Fn(f64, f64) -> f64) -> (QualityController, Vec<(f64, f64)>) {
+        run_mut(secs, load)
+    }
+
+    fn run_mut(secs: f64, mut load: impl FnMut(f64, f64) -> f64) -> (QualityController, Vec<(f64, f64)>) {
         let mut controller = QualityController::new();
         let mut changes = Vec::new();
         let mut t = 0.0;
         while t < secs {
-            let now = ServerTime::from_micros((t * 1e6) as u64);
-            if controller.update(now, load(t, controller.rung().cost())) {
+            if controller.update(at(t), load(t, controller.rung().cost())) {
                 changes.push((t, controller.rung().cost()));
             }
             t += 0.016;
@@ -159,8 +220,74 @@ mod tests {
     }
 
     #[test]
-    fn the_ladder_goes_down_in_cost() {
+    fn the_ladders_go_down_in_cost_and_have_the_same_resolutions() {
         assert!(LADDER.windows(2).all(|w| w[1].cost() < w[0].cost()));
+        assert!(LADDER_WITHOUT_STEPS.windows(2).all(|w| w[1].cost() < w[0].cost()));
+        let mut scales: Vec<f64> = LADDER.iter().map(|r| r.resolution_scale).collect();
+        scales.dedup();
+        assert_eq!(scales, LADDER_WITHOUT_STEPS.map(|r| r.resolution_scale));
+        assert!(LADDER_WITHOUT_STEPS.iter().all(|r| r.step_scale == 1.0));
+    }
+
+    #[test]
+    fn where_no_step_is_taken_only_rays_are_given_up_and_no_more_than_needed() {
+        let mut controller = QualityController::new();
+        controller.draws(at(0.0), false);
+        // Three times too much: half of the rays along each side are 0.75 of the device's time.
+        for i in 0..1000 {
+            let scale = controller.rung().resolution_scale;
+            controller.update(at(f64::from(i) * 0.016), 3.0 * scale * scale);
+            assert_eq!(controller.rung().step_scale, 1.0);
+        }
+        assert_eq!(controller.rung().resolution_scale, 0.43);
+    }
+
+    #[test]
+    fn another_scene_keeps_the_resolution_and_has_its_steps_back() {
+        let (mut controller, _) = run(2.0, |_, cost| 9.0 * cost);
+        let Rung { resolution_scale, step_scale } = controller.rung();
+        assert!(resolution_scale < 1.0 && step_scale > 1.0);
+        controller.draws(at(2.0), false);
+        assert_eq!(controller.rung(), Rung { resolution_scale, step_scale: 1.0 });
+        // What the old scene cost is not held against the new one.
+        assert!(!controller.update(at(2.1), 5.0));
+        controller.draws(at(3.0), true);
+        assert_eq!(controller.rung(), Rung { resolution_scale, step_scale });
+        let mut full = QualityController::new();
+        full.draws(at(0.0), false);
+        full.draws(at(1.0), true);
+        assert_eq!(full.rung(), LADDER[0]);
+    }
+
+    #[test]
+    fn quality_comes_back_to_the_best_that_holds_although_a_part_of_each_frame_costs_the_same_everywhere() {
+        for (fixed, best) in [(0.1, LADDER[0]), (0.3, LADDER[0]), (0.4, LADDER[1])] {
+            let load = |t: f64, cost: f64| if t < 5.0 { 0.3 + 9.0 * cost } else { fixed + 0.29 * cost };
+            let (controller, changes) = run(120.0, load);
+            assert_eq!(controller.rung(), best, "fixed part {fixed}: {changes:?}");
+            let late = changes.iter().filter(|(t, _)| *t > 60.0).count();
+            assert_eq!(late, 0, "fixed part {fixed}: {changes:?}");
+        }
+    }
+
+    #[test]
+    fn a_load_that_jitters_does_not_make_it_flap() {
+        for tenths in 2..40u32 {
+            let whole = f64::from(tenths) / 10.0;
+            // A tenth up and down from frame to frame, smoothed as the server does.
+            let (mut smoothed, mut last) = (None, 0.0);
+            let mut seed = tenths;
+            let (_, changes) = run_mut(300.0, |_, cost| {
+                seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                let jitter = 0.9 + 0.2 * f64::from(seed >> 8) / f64::from(1 << 24);
+                let new = (0.15 + whole * cost) * jitter;
+                let old = smoothed.filter(|_| last == cost).unwrap_or(new);
+                last = cost;
+                *smoothed.insert(old + 0.2 * (new - old))
+            });
+            let late = changes.iter().filter(|(t, _)| *t > 60.0).count();
+            assert!(late <= 16, "{whole}: {late} changes in four minutes: {changes:?}");
+        }
     }
 
     #[test]

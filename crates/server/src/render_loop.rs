@@ -126,11 +126,15 @@ impl RenderLoop {
         ticket: &FrameTicket,
     ) -> Result<(FrameInFlight, Shown, Rung, bool), BeginError> {
         let shown = self.shared.room.shown();
+        let asked = self.shared.settings.quality;
+        // Longer steps are what is given up first: it counts whether those would be taken.
+        let takes_steps = shown.scene.numbers().takes_steps(&asked.coarser(2.0));
         let (rung, size) = match seat.stream() {
-            Some(stream) => (self.shared.rung(), [stream.device.eye_width_px, stream.device.eye_height_px]),
+            Some(stream) => {
+                (self.shared.rung(takes_steps), [stream.device.eye_width_px, stream.device.eye_height_px])
+            }
             None => return Err(PlanError::Eyes(0).into()),
         };
-        let asked = self.shared.settings.quality;
         let quality = Quality {
             resolution_scale: asked.resolution_scale * rung.resolution_scale,
             ..asked.coarser(rung.step_scale)

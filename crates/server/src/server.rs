@@ -128,9 +128,11 @@ impl Shared {
         changed
     }
 
-    /// What a frame may cost now.
-    pub(crate) fn rung(&self) -> Rung {
-        locked(&self.quality).rung()
+    /// What a frame may cost now, of a scene that is gone through in steps or is not.
+    pub(crate) fn rung(&self, takes_steps: bool) -> Rung {
+        let mut quality = locked(&self.quality);
+        quality.draws(self.clock.now(), takes_steps);
+        quality.rung()
     }
 
     /// Judges the load of all headsets together.
