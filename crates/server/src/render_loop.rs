@@ -202,3 +202,112 @@ impl RenderLoop {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::clock::Clock;
+    use crate::room::{Room, Volumes};
+    use crate::settings::Settings;
+    use render::{Gpu, VolumeOnDevice};
+    use scene::{SceneFile, VolumeFacts};
+    use session::{Device, ServerEvent};
+    use spatial::{DVec3, Fov, HeadGeometry};
+    use std::net::{Ipv4Addr, SocketAddr};
+    use std::time::Instant;
+    use volume::{Channel, ChannelKind, Grid, Volume, Voxels};
+    use wire::{ClientDatagram, ClientMessage, Hello, PoseSample};
+
+    /// Far longer than anything takes on a loaded machine.
+    const PATIENCE: Duration = Duration::from_secs(60);
+
+    fn shared() -> (Arc<Shared>, Arc<Gpu>) {
+        let gpu = Arc::new(Gpu::open(None).unwrap());
+        let channel = Channel {
+            name: "ct".into(),
+            kind: ChannelKind::Intensity,
+            voxels: Voxels::U8((0..64).collect()),
+            slope: 1.0,
+            intercept: 0.0,
+        };
+        let volume = Volume::new(Grid::axis_aligned([4; 3], DVec3::ONE).unwrap(), vec![channel]).unwrap();
+        let on_device = Arc::new(VolumeOnDevice::upload(&gpu, &volume, |_| {}).unwrap());
+        let volumes = Volumes::one(on_device, VolumeFacts::of(&volume));
+        let room = Room::new(&gpu, volumes, Quality::BALANCED, &SceneFile::default()).unwrap();
+        let nowhere = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
+        let settings = Settings { encoder_threads: 2, ..Settings::new(nowhere) };
+        (Shared::new(settings, Clock::start(), room), gpu)
+    }
+
+    /// A headset that has been welcomed, without a network.
+    fn join(shared: &Shared, name: &str) -> Arc<Seat> {
+        let device = Device {
+            name: name.into(),
+            eye_width_px: 96,
+            eye_height_px: 64,
+            refresh_hz: 200.0,
+            geometry: HeadGeometry::parallel(0.064, Fov::symmetric(0.5, 0.3).unwrap()),
+            max_bitrate_bps: 10_000_000,
+        };
+        let hello =
+            Hello { version: wire::PROTOCOL_VERSION, pairing_code: String::new(), device: device.to_wire() };
+        let seat = shared.take_seat((Ipv4Addr::LOCALHOST, 1).into());
+        let now = shared.clock.now();
+        seat.session().handle_control(now, &ClientMessage::Hello(hello).encode().unwrap());
+        let event = seat.session().poll_event();
+        assert!(matches!(event, Some(ServerEvent::Connected { .. })), "{event:?}");
+        let terms = seat.open_stream(&device, 1.0).unwrap();
+        seat.session().welcome(now, &terms);
+        seat
+    }
+
+    /// Sends poses of all `seats` until something holds.
+    fn poses_until(shared: &Shared, seats: &[&Arc<Seat>], what: &str, holds: impl Fn() -> bool) {
+        let begun = Instant::now();
+        while !holds() {
+            assert!(begun.elapsed() < PATIENCE, "waited in vain until {what}");
+            let now = shared.clock.now();
+            let pose = PoseSample {
+                sequence: now.as_micros(),
+                sampled_at_us: now.as_micros(),
+                display_at_us: now.as_micros() + 50_000,
+                world_from_head: wire::Pose {
+                    position_m: [0.0, 1.5, -1.5],
+                    orientation_xyzw: [0.0, 0.0, 0.0, 1.0],
+                },
+            };
+            for seat in seats {
+                seat.session().handle_datagram(now, &ClientDatagram::Pose(pose).encode());
+            }
+            shared.wishes.wake();
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    }
+
+    #[test]
+    fn a_slow_encoder_holds_up_neither_the_next_ray_cast_nor_another_headset() {
+        let (shared, gpu) = shared();
+        let (slow, other) = (join(&shared, "slow"), join(&shared, "other"));
+        let ring = FrameRenderer::new(&gpu, shared.slots()).unwrap();
+        let encoders = EncoderPool::start(&shared, 2, shared.slots()).unwrap();
+        let running = RenderLoop::new(shared.clone(), ring, encoders);
+        // As long as this is held, a frame of the slow one is in its encoder.
+        let encoding = locked(&slow.stream().unwrap().encoder);
+        let running = std::thread::spawn(move || running.run());
+        let both = [&slow, &other];
+        poses_until(&shared, &both, "two frames of the slow one were cast", || {
+            let counters = slow.session().counters();
+            counters.frames_begun == 2 && locked(&slow.stream().unwrap().waiting).len() == 2
+        });
+        assert_eq!(slow.session().counters().frames_rendered, 0, "none was encoded");
+        // Two under way are all that its window takes without a word from the headset.
+        poses_until(&shared, &both, "the other one has its frames", || {
+            other.session().counters().frames_sent == 2
+        });
+        assert_eq!(slow.session().counters().frames_begun, 2, "at most two of a headset are made at a time");
+        drop(encoding);
+        poses_until(&shared, &both, "the slow one is encoded", || slow.session().counters().frames_sent == 2);
+        shared.stop();
+        running.join().unwrap();
+    }
+}

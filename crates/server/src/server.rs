@@ -96,6 +96,27 @@ pub(crate) struct Shared {
 }
 
 impl Shared {
+    pub(crate) fn new(settings: Settings, clock: Clock, room: Room) -> Arc<Self> {
+        Arc::new(Self {
+            clock,
+            room,
+            wishes: Wishes::default(),
+            played: Wishes::default(),
+            seats: Mutex::default(),
+            stopping: AtomicBool::new(false),
+            next_session: AtomicU64::new(1),
+            guesses: Mutex::default(),
+            quality: Mutex::default(),
+            stop: watch::Sender::new(false),
+            settings,
+        })
+    }
+
+    /// Frames of the read-back ring: those on the device, those being encoded, and those that wait.
+    pub(crate) fn slots(&self) -> usize {
+        self.settings.device_queue + self.settings.encoder_threads + WAITING_FRAMES
+    }
+
     /// The seats of this moment.
     pub(crate) fn seats(&self) -> Arc<Vec<Arc<Seat>>> {
         locked(&self.seats).clone()
@@ -151,7 +172,7 @@ impl Shared {
         }
     }
 
-    fn take_seat(&self, peer: SocketAddr) -> Arc<Seat> {
+    pub(crate) fn take_seat(&self, peer: SocketAddr) -> Arc<Seat> {
         let id = self.next_session.fetch_add(1, Ordering::Relaxed);
         let settings = ServerSettings {
             session_id: id,
@@ -207,21 +228,9 @@ impl Server {
         let endpoint = ServerEndpoint::bind(settings.listen, identity, &[wire::ALPN], &settings.transport)?;
         let address =
             endpoint.local_addr().map_err(|source| StartError::System { what: "the address", source })?;
-        let slots = settings.device_queue + settings.encoder_threads + WAITING_FRAMES;
+        let shared = Shared::new(settings, clock, room);
+        let slots = shared.slots();
         let ring = FrameRenderer::new(gpu, slots)?;
-        let shared = Arc::new(Shared {
-            clock,
-            room,
-            wishes: Wishes::default(),
-            played: Wishes::default(),
-            seats: Mutex::default(),
-            stopping: AtomicBool::new(false),
-            next_session: AtomicU64::new(1),
-            guesses: Mutex::default(),
-            quality: Mutex::default(),
-            stop: watch::Sender::new(false),
-            settings,
-        });
         let thread = |source| StartError::System { what: "a thread", source };
         let encoders = EncoderPool::start(&shared, shared.settings.encoder_threads, slots).map_err(thread)?;
         let render_loop = RenderLoop::new(shared.clone(), ring, encoders);

@@ -1,7 +1,7 @@
 //! What goes wrong is said: which file, what was expected, what was found, what to do.
 
 use crate::files::{Folder, nifti};
-use crate::program::run;
+use crate::program::{Said, holocast, run};
 
 #[test]
 fn a_volume_that_is_none_is_named_with_what_is_wrong() {
@@ -142,4 +142,20 @@ fn arguments_that_are_none_are_told_with_what_there_is() {
         .failed(&["broken.tum"]);
     run(["load", "--connect", "127.0.0.1:9", "--fingerprint", &fingerprint, "--headsets", "0"])
         .failed(&["--headsets", "1 to 500"]);
+}
+
+#[test]
+fn without_a_driver_it_is_said_what_to_install() {
+    let folder = Folder::new();
+    let (volume, identity, out) = (folder.volume(), folder.arg("identity"), folder.arg("picture.png"));
+    for arguments in [
+        &["adapters"][..],
+        &["render", "--volume", &volume, "--out", &out],
+        &["serve", "--volume", &volume, "--identity", &identity, "--listen", "127.0.0.1:0"],
+    ] {
+        let mut command = holocast(arguments);
+        // Where Vulkan's loader is told to look for drivers, by its new name and its old one.
+        command.env("VK_DRIVER_FILES", "/nowhere").env("VK_ICD_FILENAMES", "/nowhere");
+        Said::from(command.output().unwrap()).failed(&["no Vulkan adapter", "mesa-vulkan-drivers"]);
+    }
 }
