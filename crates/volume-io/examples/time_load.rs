@@ -1,5 +1,5 @@
-//! How long loading takes: `time_load load|read PATH TIMES` prints seconds of each turn, bytes of voxels and the memory's
-//! peak, as JSON. `read` does not load: it reads the files of a folder on all cores into memory that was never touched,
+//! How long loading takes: `time_load load|read PATH TIMES` prints seconds of each turn, bytes of voxels, and the memory of
+//! the process before the first turn and at its peak, as JSON. `read` does not load: it reads the files of a folder on all cores into memory that was never touched,
 //! which no loader can be faster than. `tools/measure_volumes` calls it.
 #![expect(clippy::print_stdout, reason = "an example talks to its caller")]
 
@@ -15,6 +15,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let [what, path, times] = arguments.as_slice() else {
         return Err("expected load|read PATH TIMES".into());
     };
+    let before = memory("VmRSS:");
     let (mut secs, mut bytes) = (Vec::new(), 0);
     for _ in 0..times.parse()? {
         let start = Instant::now();
@@ -25,14 +26,16 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         };
         secs.push(start.elapsed().as_secs_f64());
     }
-    // Linux counts the peak; elsewhere there is none.
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let peak = status
-        .lines()
-        .find_map(|l| l.strip_prefix("VmHWM:"))
-        .map_or("null", |l| l.trim().trim_end_matches(" kB"));
-    println!("{{\"secs\": {secs:?}, \"bytes\": {bytes}, \"peak_kib\": {peak}}}");
+    let peak = memory("VmHWM:");
+    println!("{{\"secs\": {secs:?}, \"bytes\": {bytes}, \"before_kib\": {before}, \"peak_kib\": {peak}}}");
     Ok(())
+}
+
+/// A figure of this process's memory in KiB. Linux counts it; elsewhere there is none.
+fn memory(figure: &str) -> String {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|l| l.strip_prefix(figure));
+    line.map_or("null", |l| l.trim().trim_end_matches(" kB")).to_owned()
 }
 
 /// Reads the files of a folder behind each other into fresh memory; gives back how many bytes they have.

@@ -136,7 +136,8 @@ fn jpeg_2000(data: &[u8], width: usize, height: usize) -> Result<Samples, String
     }
     let settings = DecodeSettings { resolve_palette_indices: false, strict: false, target_resolution: None };
     let image = Image::new(stream, &settings).map_err(|e| e.to_string())?;
-    let raw = image.decode_native().map_err(|e| e.to_string())?;
+    let mut raw = image.decode_native().map_err(|e| e.to_string())?;
+    drop(image);
     let bytes_a_sample = usize::from(raw.bytes_per_sample);
     check_size([raw.width as usize, raw.height as usize], [width, height])?;
     if raw.data.len() != width * height * bytes_a_sample {
@@ -152,12 +153,14 @@ fn jpeg_2000(data: &[u8], width: usize, height: usize) -> Result<Samples, String
         let sample = if high_throughput { sample } else { sample ^ half };
         (sample & (half | (half - 1)) ^ half).wrapping_sub(half).to_le_bytes()
     };
-    let bytes = if bytes_a_sample == 1 {
-        raw.data.iter().flat_map(|&b| extended(b.into())).collect()
-    } else {
-        raw.data.as_chunks().0.iter().flat_map(|&b| extended(u16::from_le_bytes(b))).collect()
-    };
-    Ok(Samples { bytes, bytes_a_sample: 2 })
+    if bytes_a_sample == 1 {
+        let bytes = raw.data.iter().flat_map(|&b| extended(b.into())).collect();
+        return Ok(Samples { bytes, bytes_a_sample: 2 });
+    }
+    for sample in raw.data.as_chunks_mut().0 {
+        *sample = extended(u16::from_le_bytes(*sample));
+    }
+    Ok(Samples { bytes: raw.data, bytes_a_sample })
 }
 
 fn check_size(

@@ -200,7 +200,8 @@ pub(super) fn read<T: Held>(files: &Files<'_>, from: Frame<'_>, place: &mut [T])
     match (&object.pixels, object.syntax) {
         (Some(Pixels::Encapsulated { offsets, fragments }), Syntax::Encapsulated(compressed)) => {
             let pieces = frame_fragments(offsets, fragments, from.frames, frame).unwrap_or_default();
-            let mut data = Vec::new();
+            // The file holds all of the pieces.
+            let mut data = Vec::with_capacity(pieces.iter().map(|piece| piece.length as usize).sum());
             for piece in pieces {
                 part.input.seek(SeekFrom::Start(piece.at)).map_err(|e| unreadable(&part, e))?;
                 let read = (&mut part).take(piece.length.into()).read_to_end(&mut data);
@@ -209,6 +210,7 @@ pub(super) fn read<T: Held>(files: &Files<'_>, from: Frame<'_>, place: &mut [T])
             let size = [layout.columns, layout.rows];
             let samples = codec::decode(compressed, &data, size, layout.allocated)
                 .map_err(|e| damaged(&part.name, codec::name(compressed), &e))?;
+            drop(data);
             let layout = Layout { shift: 0, ..layout };
             Ok(convert(&samples.bytes, samples.bytes_a_sample, ByteOrder::Little, &layout, from.scale, place))
         }
