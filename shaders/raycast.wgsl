@@ -289,7 +289,8 @@ fn emission_absorption(ray: Ray) -> Pixel {
                 if (m.i >= end || sum.opacity > enough) {
                     break;
                 }
-                // Steps that are lit alike, from the first with something to see.
+                // Pieces that are lit alike, from the first with something to see: until they have weight, or until they
+                // are far apart.
                 var color = vec4<f32>(0.0);
                 var moment = 0.0;
                 var until = end;
@@ -303,6 +304,7 @@ fn emission_absorption(ray: Ray) -> Pixel {
                     until = select(until, min(begin + frame.light_span, end), color.a <= 0.0 && piece.a > 0.0);
                     color += piece;
                     moment += piece.a * 0.5 * (at + m.i);
+                    until = select(until, m.i, color.a > frame.light_weight);
                 }
                 if (color.a > 0.0) {
                     sum.color += lit_together(color, place(l, moment / color.a), ray);
@@ -320,21 +322,18 @@ fn emission_absorption(ray: Ray) -> Pixel {
     // What is left of the way: less than a step.
     let rest = max(way / frame.step_mm - whole, 0.0);
     if (end >= whole && rest > 0.0 && sum.opacity <= enough) {
-        var color = vec4<f32>(0.0);
-        var moment = 0.0;
         let length = rest * frame.part;
         for (var i = 0.5; i * frame.part < 1.0; i += 1.0) {
             let at = whole + i * length;
             let raw = sample(l, at);
             let weight = (1.0 - sum.opacity) * opacity_of(extinction_per_mm(raw) * length * frame.step_mm);
-            color += weight * vec4<f32>(optical(raw, false).rgb, 1.0);
-            moment += weight * at;
+            let piece = weight * vec4<f32>(optical(raw, false).rgb, 1.0);
             gather(&sum, weight, at - 0.5 * length, length);
-        }
-        if (LIT && color.a > 0.0) {
-            sum.color += lit_together(color, place(l, moment / color.a), ray);
-        } else {
-            sum.color += color.rgb;
+            if (LIT && weight > 0.0) {
+                sum.color += lit_together(piece, place(l, at), ray);
+            } else {
+                sum.color += piece.rgb;
+            }
         }
     }
 

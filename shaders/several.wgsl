@@ -411,9 +411,10 @@ fn march_%(ray: Ray, end: f32) {
                     let weight_$ = piece_$.a * share;
                     let first_$ = !(together_$.a > 0.0) && weight_$ > 0.0;
                     until_$ = select(until_$, floor(m.i) + frame.light_span, first_$);
-                    until = min(until, until_$);
                     together_$ += piece_$ * share;
                     moment_$ += weight_$ * 0.5 * (from_$ + to_$);
+                    until_$ = select(until_$, goal, together_$.a > frame.light_weight);
+                    until = min(until, until_$);
                 } else {
                     color_$ += piece_$.rgb * share;
                 }

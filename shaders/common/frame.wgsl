@@ -56,7 +56,8 @@ struct Frame {
     room_mm_per_volume_mm: f32,
     depth_columns: u32,
     depth_rows: u32,
-    // Steps that are lit alike from the first of them on: 1 for each by itself.
+    // Pieces are lit alike for so many steps from the first with something to see, or until they have taken more than
+    // `light_weight` of all light: 0 for each by itself.
     light_span: f32,
     // 1, or 0 to look at every sample although cells are empty: the same pipeline, so that the same bits come out.
     skip_empty: u32,
@@ -64,6 +65,7 @@ struct Frame {
     // little.
     part: f32,
     little: f32,
+    light_weight: f32,
     // Of an integer format: numbers its range has, less 1, and what is added to them; 0, 0 of floats. Then slope and
     // intercept: value = stored * slope + intercept.
     stored: vec4<f32>,

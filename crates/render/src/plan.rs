@@ -189,6 +189,7 @@ impl StereoPlan {
             depth_columns: depth_grid.columns,
             depth_rows: depth_grid.rows,
             light_span: (quality.light_span_voxels * finest_mm / step_mm).floor().max(1.0) as f32,
+            light_weight: quality.light_weight as f32,
             skip_empty: u32::from(quality.skip_empty),
             part: (1.0 / f64::from(quality.refined_parts)) as f32,
             little: if quality.refined_parts > 1 { quality.refined_above as f32 } else { 1.0 },
@@ -325,7 +326,7 @@ fn check_quality(quality: &Quality) -> Result<(), PlanError> {
         if ok { Ok(()) } else { Err(PlanError::Quality { field, found, expected }) }
     };
     let Quality { resolution_scale, step_voxels, refined_parts, refined_above, .. } = *quality;
-    let Quality { least_transmittance, light_span_voxels, .. } = *quality;
+    let Quality { least_transmittance, light_span_voxels, light_weight, .. } = *quality;
     check(
         "resolution_scale",
         resolution_scale,
@@ -342,7 +343,8 @@ fn check_quality(quality: &Quality) -> Result<(), PlanError> {
         (0.0..=0.5).contains(&least_transmittance),
         "0 to 0.5",
     )?;
-    check("light_span_voxels", light_span_voxels, (0.0..=64.0).contains(&light_span_voxels), "0 to 64")
+    check("light_span_voxels", light_span_voxels, (0.0..=64.0).contains(&light_span_voxels), "0 to 64")?;
+    check("light_weight", light_weight, (0.0..=1.0).contains(&light_weight), "0 to 1")
 }
 
 fn f32s(v: DVec3) -> [f32; 3] {

@@ -27,9 +27,11 @@ pub struct Quality {
     /// A ray ends when less than this part of the light comes through: the error is at most this, in units of full
     /// brightness. With [`Sampling::Cells`], matter between two knots of the transfer function is integrated to this too.
     pub least_transmittance: f64,
-    /// Steps that follow the first that is seen, within so many voxels, are lit alike, at their weighted mean; 0: each step
-    /// by itself. Not looked at with [`Sampling::Cells`].
+    /// Samples that follow the first that is seen, within so many voxels and at least within its step, are lit alike, at
+    /// their weighted mean. Not looked at with [`Sampling::Cells`].
     pub light_span_voxels: f64,
+    /// They end with the one with which they have taken more than this part of all light, 0 to 1; 0: each sample by itself.
+    pub light_weight: f64,
     /// Who interpolates.
     pub sampling: Sampling,
     /// Whether surfaces and maxima are solved cell by cell, whoever interpolates where matter is summed: one that lies
@@ -47,21 +49,23 @@ impl Quality {
         refined_above: 0.05,
         least_transmittance: 1.0 / 64.0,
         light_span_voxels: 4.0,
+        light_weight: 1.0,
         solves_surfaces: false,
         ..Self::BALANCED
     };
     /// Steps of a voxel and nothing else: what refined steps and solved surfaces are measured against, no level of its own.
     pub const PLAIN: Self =
         Self { step_voxels: 1.0, refined_parts: 1, solves_surfaces: false, ..Self::BALANCED };
-    /// Steps of three eighths of a voxel, and quarters of them where there is something to see; surfaces and maxima without
-    /// steps.
+    /// Steps of three eighths of a voxel, and quarters of them where there is something to see; light for each sixty-fourth
+    /// of what is seen, and at least for each voxel; surfaces and maxima without steps.
     pub const BALANCED: Self = Self {
         resolution_scale: 1.0,
         step_voxels: 0.375,
         refined_parts: 4,
         refined_above: 0.01,
         least_transmittance: 1.0 / 256.0,
-        light_span_voxels: 0.0,
+        light_span_voxels: 1.0,
+        light_weight: 1.0 / 64.0,
         sampling: Sampling::Hardware,
         solves_surfaces: true,
         skip_empty: true,
@@ -98,13 +102,14 @@ impl Quality {
     }
 
     /// The numbers of a quality by name, as [`Self::with`] takes them.
-    pub const NUMBERS: [&'static str; 6] = [
+    pub const NUMBERS: [&'static str; 7] = [
         "resolution_scale",
         "step_voxels",
         "refined_parts",
         "refined_above",
         "least_transmittance",
         "light_span_voxels",
+        "light_weight",
     ];
 
     /// The same with another number of that name; `None` if there is none. Whether the number is in its range is said when
@@ -119,6 +124,7 @@ impl Quality {
             "refined_above" => self.refined_above = number,
             "least_transmittance" => self.least_transmittance = number,
             "light_span_voxels" => self.light_span_voxels = number,
+            "light_weight" => self.light_weight = number,
             _ => return None,
         }
         Some(self)

@@ -125,7 +125,11 @@ pub fn cost_settings() -> Vec<Setting> {
         setting(Curve::NoSkipping, "balanced, no skipping", Quality { skip_empty: false, ..b }),
         setting(Curve::EarlyEnd, "balanced, no early end", Quality { least_transmittance: 0.0, ..b }),
         setting(Curve::StepFloat32, "balanced, float32 filter", Quality { sampling: Sampling::Float32, ..b }),
-        setting(Curve::Level, "balanced, lit in groups", Quality { light_span_voxels: 4.0, ..b }),
+        setting(
+            Curve::Level,
+            "balanced, lit in groups",
+            Quality { light_span_voxels: 4.0, light_weight: 1.0, ..b },
+        ),
     ]
 }
 

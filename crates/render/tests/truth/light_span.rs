@@ -1,6 +1,7 @@
 //! Samples that are lit together, as `draft` has them: as good as each by itself where the gradient turns little.
 
-use crate::setting::{Shown, eye, floats, fov};
+use crate::setting::{Shown, eye, floats, fov, tell};
+use crate::tolerances::BALANCED_DB;
 use reference::compare;
 use render::Quality;
 use spatial::{DVec3, EyeView};
@@ -22,12 +23,13 @@ fn around(centre: DVec3) -> (Shown, EyeView) {
     (shown, eye(DVec3::new(100.0, 23.0, 21.0), DVec3::new(19.5, 20.0, 19.0), fov(26.0, SIZE)))
 }
 
+/// Samples lit together within so many voxels, however much they weigh.
 fn with_span(light_span_voxels: f64) -> Quality {
-    Quality { light_span_voxels, step_voxels: 1.0, ..Quality::BALANCED }
+    Quality { light_span_voxels, light_weight: 1.0, step_voxels: 1.0, ..Quality::BALANCED }
 }
 
 #[test]
-fn a_span_of_a_step_or_less_lights_each_sample_by_itself_to_the_bit() {
+fn a_span_of_a_step_or_less_lights_each_step_by_itself_to_the_bit() {
     let (shown, eye) = around(DVec3::new(19.0, -21.0, 20.0));
     let of = |span| shown.still(&[eye], SIZE, with_span(span), None);
     let each = of(0.0);
@@ -63,4 +65,29 @@ fn each_sample_by_itself_is_nearer_to_the_exact_picture_where_the_gradient_turns
     let [each, together] = [0.0, SPAN]
         .map(|span| compare(&exact, &shown.drawn(eye, SIZE, with_span(span), None)).unwrap().psnr_db);
     assert!(each > together + 3.0, "{each} dB each by itself, {together} dB together");
+}
+
+#[test]
+fn parts_of_a_step_have_light_of_their_own_where_they_weigh() {
+    // A body whose rind takes all light within a part of a step, folded more finely than a step is long: what a ray sees is lit
+    // as one place of the step, and the gradient there is not the one where the light was taken. Both pictures take the same
+    // samples.
+    let (n, spacing_mm) = (40, 1.6);
+    let folds = |p: DVec3| {
+        let fold = (1.9 * p.x).sin() * (1.71 * p.y).cos() + (1.8 * p.z + 0.4 * p.x).sin();
+        300.0 - 60.0 * ((p - 19.5).length() - 13.0) + 250.0 * fold
+    };
+    let shown = Shown::new(
+        floats([n; 3], [spacing_mm; 3], folds),
+        r#"{"transfer": [[200, 0.9, 0.6, 0.4, 0], [400, 1, 0.95, 0.85, 0.4], [900, 1, 1, 1, 0.95]], "shade": true}"#,
+    );
+    let at = DVec3::new(90.0, 60.0, 52.0) * spacing_mm;
+    let eye = eye(at, DVec3::splat(19.5 * spacing_mm), fov(28.0, SIZE));
+    let exact = shown.exact(eye, SIZE);
+    let db = |quality| compare(&exact, &shown.drawn(eye, SIZE, quality, None)).unwrap().psnr_db;
+    let balanced = db(Quality::BALANCED);
+    let in_groups = db(Quality { light_span_voxels: 0.0, light_weight: 1.0, ..Quality::BALANCED });
+    tell(&format!("folds: {balanced:.1} dB, a step lit together {in_groups:.1} dB"));
+    assert!(balanced >= BALANCED_DB, "{balanced} dB");
+    assert!(in_groups < BALANCED_DB, "the scene does not tell them apart: {in_groups} dB");
 }
