@@ -33,13 +33,22 @@ const REFINEMENTS: i32 = 7;
 // A layer an eye: in which chunks of depth a tile may see something.
 @group(3) @binding(2) var masks: texture_2d_array<u32>;
 
+// What is to be cast, as an indirect dispatch takes it: workgroups of a tile each, and of four tiles each, or of 64 pixels.
 struct Work {
     groups: vec3<u32>,
     tile_count: u32,
+    groups_of_four: vec3<u32>,
     tiles: array<u32>,
 }
 
 @group(3) @binding(3) var<storage, read> work: Work;
+
+// Which rays are cast: of each pixel of the listed tiles; of every other pixel of every other row of them; of listed pixels.
+override RAYS: u32 = 0u;
+
+const EACH: u32 = 0u;
+const FIRST: u32 = 1u;
+const LISTED: u32 = 2u;
 
 // Farther than any volume reaches, in millimetres, and finite.
 const FAR: f32 = 3.0e38;
@@ -527,21 +536,37 @@ fn surface_over(front: Pixel, behind: Pixel) -> Pixel {
 // The pixel that an invocation casts the ray of.
 struct Own {
     pixel: vec2<u32>,
+    // Where in the picture that is written it goes.
+    place: vec2<u32>,
     eye: u32,
     // Whether there is such a pixel.
     is_valid: bool,
 }
 
-// A workgroup casts a listed tile: its 64 invocations are 8 blocks of 4 by 2 pixels, so that what runs in step looks at
-// neighbouring rays.
+// A workgroup casts 64 rays: of a listed tile, of four of them, or of listed pixels. Its invocations are blocks of 4 by 2
+// rays, so that what runs in step looks at neighbouring rays.
 fn own_pixel(group: vec3<u32>, index: u32) -> Own {
-    let listed = group.y * TILES_A_ROW + group.x;
-    let number = work.tiles[min(listed, work.tile_count - 1u)];
+    let place = group.y * TILES_A_ROW + group.x;
+    if (RAYS == LISTED) {
+        let listed = place * 64u + index;
+        let number = work.tiles[min(listed, work.tile_count - 1u)];
+        let pixel = tile_of(number);
+        return Own(pixel, pixel, tile_eye(number), listed < work.tile_count && all(pixel < frame.render_size));
+    }
+    if (RAYS == FIRST) {
+        let listed = place * 4u + (index >> 4u);
+        let number = work.tiles[min(listed, work.tile_count - 1u)];
+        let pair = (tile_of(number) * TILE) / 2u + vec2<u32>(index & 3u, (index >> 2u) & 3u);
+        let pixel = 2u * pair;
+        let is_valid = listed < work.tile_count && all(pixel < frame.render_size);
+        return Own(pixel, select(pair, pixel, COUNT), tile_eye(number), is_valid);
+    }
+    let number = work.tiles[min(place, work.tile_count - 1u)];
     let block = index >> 3u;
     let inside = index & 7u;
     let in_tile = vec2<u32>((block & 1u) * 4u + (inside & 3u), (block >> 1u) * 2u + (inside >> 2u));
     let pixel = tile_of(number) * TILE + in_tile;
-    return Own(pixel, tile_eye(number), listed < work.tile_count && all(pixel < frame.render_size));
+    return Own(pixel, pixel, tile_eye(number), place < work.tile_count && all(pixel < frame.render_size));
 }
 
 @compute @workgroup_size(64)
@@ -571,10 +596,10 @@ fn raycast(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
 fn store(out: Pixel, ray: Ray, own: Own) {
     if (COUNT) {
         let counts = vec4<f32>(f32(counted.samples), f32(counted.contributed), f32(counted.gradients), 1.0);
-        textureStore(picture, own.pixel, own.eye, counts);
+        textureStore(picture, own.place, own.eye, counts);
         return;
     }
     let depth = select(0.0, max(out.depth_mm + ray.eye_distance_mm, 1.0e-30), out.has_depth);
-    textureStore(picture, own.pixel, own.eye, vec4<f32>(out.color, out.opacity));
-    textureStore(depth_mm, own.pixel, own.eye, vec4<f32>(depth, 0.0, 0.0, 0.0));
+    textureStore(picture, own.place, own.eye, vec4<f32>(out.color, out.opacity));
+    textureStore(depth_mm, own.place, own.eye, vec4<f32>(depth, 0.0, 0.0, 0.0));
 }

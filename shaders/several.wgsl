@@ -21,6 +21,7 @@ override ENTRIES: f32 = 4094.0;
 struct Work {
     groups: vec3<u32>,
     tile_count: u32,
+    groups_of_four: vec3<u32>,
     tiles: array<u32>,
 }
 

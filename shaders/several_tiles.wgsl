@@ -6,6 +6,10 @@ struct Work {
     groups_y: atomic<u32>,
     groups_z: atomic<u32>,
     tile_count: atomic<u32>,
+    // The same for workgroups that cast four tiles.
+    fours_x: atomic<u32>,
+    fours_y: atomic<u32>,
+    fours_z: atomic<u32>,
     tiles: array<u32>,
 }
 

@@ -7,6 +7,8 @@
 override SKIP: bool = true;
 // Whether the mode shows all of the way, empty or not.
 override ALL_OF_THE_WAY: bool = false;
+// Whether rays of every other pixel of every other row are cast before the others.
+override SPREAD: bool = false;
 
 @group(2) @binding(0) var distance_to_seen: texture_3d<u32>;
 
@@ -16,6 +18,10 @@ struct Work {
     groups_y: atomic<u32>,
     groups_z: atomic<u32>,
     tile_count: atomic<u32>,
+    // The same for workgroups that cast four tiles.
+    fours_x: atomic<u32>,
+    fours_y: atomic<u32>,
+    fours_z: atomic<u32>,
     tiles: array<u32>,
 }
 
@@ -24,6 +30,8 @@ struct Work {
 @group(3) @binding(1) var<storage, read_write> work: Work;
 @group(3) @binding(2) var picture: texture_storage_2d_array<rgba32float, write>;
 @group(3) @binding(3) var depth_mm: texture_storage_2d_array<r32float, write>;
+@group(3) @binding(4) var first_picture: texture_storage_2d_array<rgba32float, write>;
+@group(3) @binding(5) var first_depth_mm: texture_storage_2d_array<r32float, write>;
 
 const FAR_AWAY: f32 = 1.0e30;
 
@@ -117,6 +125,11 @@ fn find(@builtin(global_invocation_id) id: vec3<u32>) {
         atomicMax(&work.groups_x, min(at + 1u, TILES_A_ROW));
         atomicMax(&work.groups_y, at / TILES_A_ROW + 1u);
         atomicMax(&work.groups_z, 1u);
+        if (SPREAD) {
+            atomicMax(&work.fours_x, min(at / 4u + 1u, TILES_A_ROW));
+            atomicMax(&work.fours_y, at / (4u * TILES_A_ROW) + 1u);
+            atomicMax(&work.fours_z, 1u);
+        }
         return;
     }
     // Nothing is seen, and no ray will be cast to say so.
@@ -124,5 +137,9 @@ fn find(@builtin(global_invocation_id) id: vec3<u32>) {
         let at = tile * TILE + vec2<u32>(i % TILE, i / TILE);
         textureStore(picture, at, eye, vec4<f32>(0.0));
         textureStore(depth_mm, at, eye, vec4<f32>(0.0));
+        if (SPREAD) {
+            textureStore(first_picture, at / 2u, eye, vec4<f32>(0.0));
+            textureStore(first_depth_mm, at / 2u, eye, vec4<f32>(0.0));
+        }
     }
 }

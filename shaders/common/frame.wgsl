@@ -66,6 +66,8 @@ struct Frame {
     part: f32,
     little: f32,
     light_weight: f32,
+    // How far red, green, blue and opacity of neighbouring rays may differ for the pixels between them to be interpolated.
+    interpolated_below: f32,
     // Of an integer format: numbers its range has, less 1, and what is added to them; 0, 0 of floats. Then slope and
     // intercept: value = stored * slope + intercept.
     stored: vec4<f32>,

@@ -368,7 +368,8 @@ pub(crate) struct Render {
     #[arg(long, value_name = "MM")]
     pub(crate) step_mm: Option<f64>,
     /// Change a number of the level: step_voxels, refined_parts, refined_above, light_span_voxels, light_weight,
-    /// least_transmittance or resolution_scale (docs/accuracy.md says what each costs); may be given several times
+    /// interpolated_below, least_transmittance or resolution_scale (docs/accuracy.md says what each costs); may be given
+    /// several times
     #[arg(long, value_name = "NAME=NUMBER", value_parser = tuned)]
     pub(crate) tune: Vec<(String, f64)>,
     /// Look at every sample, also where nothing is to be seen (to measure what skipping brings)

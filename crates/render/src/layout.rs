@@ -57,7 +57,8 @@ pub(crate) struct GpuFrame {
     pub(crate) part: f32,
     pub(crate) little: f32,
     pub(crate) light_weight: f32,
-    pub(crate) pad: [u32; 3],
+    pub(crate) interpolated_below: f32,
+    pub(crate) pad: [u32; 2],
     pub(crate) stored: [f32; 4],
 }
 
@@ -104,7 +105,7 @@ mod tests {
             least_transmittance, dims, value_scale, cells, value_offset, gradient_x, table_scale, gradient_y,
             table_offset, gradient_z, threshold, light, surface_color, surface_opacity, background, window_low,
             window_per_value, room_mm_per_volume_mm, depth_columns, depth_rows, light_span, skip_empty, part,
-            little, light_weight, stored);
+            little, light_weight, interpolated_below, stored);
         assert_eq!(wgsl_struct("Frame"), (rust, size_of::<GpuFrame>() as u32));
     }
 

@@ -29,6 +29,8 @@ pub(crate) struct Features {
     pub(crate) labels: bool,
     /// Whether what is looked at is counted and stored instead of the picture.
     pub(crate) count: bool,
+    /// Whether rays of every other pixel of every other row are cast first, and others where those differ.
+    pub(crate) spread: bool,
     /// Whether the rays' values are read and summed and nothing else is done.
     pub(crate) bare: bool,
     /// Whether the ray-caster is made of a text from which all that is not used is cut out.
@@ -59,6 +61,7 @@ impl Features {
             cells: !numbers.labels
                 && (quality.sampling == Sampling::Cells || (quality.solves_surfaces && shows_surfaces)),
             labels: numbers.labels,
+            spread: quality.interpolated_below > 0.0,
             ..Self::NONE
         }
     }
@@ -72,6 +75,7 @@ impl Features {
         cells: false,
         labels: false,
         count: false,
+        spread: false,
         bare: false,
         cut: false,
         parts: [None; MOST_VOLUMES],
@@ -104,13 +108,32 @@ impl Features {
     }
 }
 
-/// The two passes of a ray-cast.
+/// The passes of a ray-cast.
 #[derive(Debug)]
 pub(crate) struct RaycastPipelines {
     /// Finds the tiles that may see something.
     pub(crate) tiles: wgpu::ComputePipeline,
+    /// What is done before the rays that `cast` casts, if those are not all.
+    pub(crate) spread: Option<SpreadPipelines>,
     /// Casts their rays.
     pub(crate) cast: wgpu::ComputePipeline,
+}
+
+/// Casts every other ray of every other row, and finds between which of them more are needed.
+#[derive(Debug)]
+pub(crate) struct SpreadPipelines {
+    pub(crate) first: wgpu::ComputePipeline,
+    pub(crate) spread: wgpu::ComputePipeline,
+    /// Counts what the first rays take, if that is asked.
+    pub(crate) first_counted: Option<wgpu::ComputePipeline>,
+}
+
+/// Which rays a pipeline casts, as the shader numbers them.
+#[derive(Clone, Copy, Debug)]
+enum Rays {
+    Each = 0,
+    First = 1,
+    Listed = 2,
 }
 
 /// Shader modules, layouts, and the pipelines made so far.
@@ -123,6 +146,7 @@ pub(crate) struct Pipelines {
     pub(crate) picture_layout: wgpu::BindGroupLayout,
     pub(crate) convert_layout: wgpu::BindGroupLayout,
     pub(crate) depth_layout: wgpu::BindGroupLayout,
+    pub(crate) spread_layout: wgpu::BindGroupLayout,
     pub(crate) convert: wgpu::ComputePipeline,
     pub(crate) convert_scaled: wgpu::ComputePipeline,
     pub(crate) depth: wgpu::ComputePipeline,
@@ -130,6 +154,8 @@ pub(crate) struct Pipelines {
     raycast_layout: wgpu::PipelineLayout,
     tiles_module: wgpu::ShaderModule,
     tiles_pipeline_layout: wgpu::PipelineLayout,
+    spread_module: wgpu::ShaderModule,
+    spread_pipeline_layout: wgpu::PipelineLayout,
     raycast: Mutex<HashMap<Features, Arc<RaycastPipelines>>>,
     several: several::Lazily,
 }
@@ -162,8 +188,10 @@ impl Pipelines {
         };
         let picture = texture(filtered, layers);
         let masks = texture(wgpu::TextureSampleType::Uint, layers);
+        let pixels = [written(PICTURE_FORMAT), written(DEPTH_FORMAT)];
         let tiles_layout =
-            layout("tiles", &[written(MASK_FORMAT), write, written(PICTURE_FORMAT), written(DEPTH_FORMAT)]);
+            layout("tiles", &[written(MASK_FORMAT), write, pixels[0], pixels[1], pixels[0], pixels[1]]);
+        let spread_layout = layout("spread", &[picture, picture, pixels[0], pixels[1], read, write]);
         let picture_layout =
             layout("picture", &[written(PICTURE_FORMAT), written(DEPTH_FORMAT), masks, read]);
         let convert_layout = layout("convert", &[picture, sampler, write]);
@@ -187,6 +215,7 @@ impl Pipelines {
             pipeline_layout("raycast", &[&frame_layout, &volume_layout, &scene_layout, &picture_layout]);
         let tiles_pipeline_layout =
             pipeline_layout("tiles", &[&frame_layout, &volume_layout, &scene_layout, &tiles_layout]);
+        let spread_pipeline_layout = pipeline_layout("spread", &[&frame_layout, &spread_layout]);
         let convert_pipeline_layout = pipeline_layout("convert", &[&frame_layout, &convert_layout]);
         let depth_pipeline_layout = pipeline_layout("depth", &[&frame_layout, &depth_layout]);
         let convert_module = module("convert", shaders::CONVERT);
@@ -202,6 +231,8 @@ impl Pipelines {
             raycast_layout,
             tiles_module: module("tiles", shaders::TILES),
             tiles_pipeline_layout,
+            spread_module: module("spread", shaders::SPREAD),
+            spread_pipeline_layout,
             raycast: Mutex::new(HashMap::new()),
             several: several::Lazily::new(),
             frame_layout,
@@ -211,6 +242,7 @@ impl Pipelines {
             picture_layout,
             convert_layout,
             depth_layout,
+            spread_layout,
         }
     }
 
@@ -233,14 +265,17 @@ impl Pipelines {
             return lock().entry(features).or_insert(made).clone();
         }
         let flag = |on: bool| if on { 1.0 } else { 0.0 };
-        let constants = [
-            ("MODE", features.mode_number()),
-            ("LIT", flag(features.lit)),
-            ("SKIP", flag(features.skip)),
-            ("EXACT_FILTER", flag(features.exact_filter)),
-            ("COUNT", flag(features.count)),
-            ("ENTRIES", ENTRIES as f64),
-        ];
+        let constants = |rays: Rays, count: bool| {
+            [
+                ("MODE", features.mode_number()),
+                ("LIT", flag(features.lit)),
+                ("SKIP", flag(features.skip)),
+                ("EXACT_FILTER", flag(features.exact_filter)),
+                ("COUNT", flag(count)),
+                ("RAYS", f64::from(rays as u32)),
+                ("ENTRIES", ENTRIES as f64),
+            ]
+        };
         let entry = match features {
             Features { bare: true, .. } => "bare",
             Features { labels: true, .. } => "labels",
@@ -248,18 +283,35 @@ impl Pipelines {
             _ => "raycast",
         };
         let all_of_the_way = matches!(features.mode, Mode::XRay | Mode::Maximum | Mode::Cumulated);
-        let tile_constants =
-            [("SKIP", flag(features.skips_by_tile())), ("ALL_OF_THE_WAY", flag(all_of_the_way))];
-        let cut = features.cut.then(|| {
-            device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                label: Some("raycast, cut"),
-                source: wgpu::ShaderSource::Wgsl(shaders::cut(shaders::RAYCAST, &constants).into()),
-            })
+        let tile_constants = [
+            ("SKIP", flag(features.skips_by_tile())),
+            ("ALL_OF_THE_WAY", flag(all_of_the_way)),
+            ("SPREAD", flag(features.spread)),
+        ];
+        let cast = |rays: Rays, count: bool| {
+            let constants = constants(rays, count);
+            let cut = features.cut.then(|| {
+                device.create_shader_module(wgpu::ShaderModuleDescriptor {
+                    label: Some("raycast, cut"),
+                    source: wgpu::ShaderSource::Wgsl(shaders::cut(shaders::RAYCAST, &constants).into()),
+                })
+            });
+            let module = cut.as_ref().unwrap_or(&self.raycast_module);
+            make(device, module, &self.raycast_layout, entry, &constants)
+        };
+        let spread = features.spread.then(|| {
+            let (module, layout) = (&self.spread_module, &self.spread_pipeline_layout);
+            SpreadPipelines {
+                first: cast(Rays::First, false),
+                spread: make(device, module, layout, "spread", &[("COUNT", flag(features.count))]),
+                first_counted: features.count.then(|| cast(Rays::First, true)),
+            }
         });
-        let module = cut.as_ref().unwrap_or(&self.raycast_module);
+        let rays = if features.spread { Rays::Listed } else { Rays::Each };
         let made = Arc::new(RaycastPipelines {
             tiles: make(device, &self.tiles_module, &self.tiles_pipeline_layout, "find", &tile_constants),
-            cast: make(device, module, &self.raycast_layout, entry, &constants),
+            spread,
+            cast: cast(rays, features.count),
         });
         lock().entry(features).or_insert(made).clone()
     }

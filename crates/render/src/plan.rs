@@ -192,6 +192,7 @@ impl StereoPlan {
             light_weight: quality.light_weight as f32,
             skip_empty: u32::from(quality.skip_empty),
             part: (1.0 / f64::from(quality.refined_parts)) as f32,
+            interpolated_below: quality.interpolated_below as f32,
             little: if quality.refined_parts > 1 { quality.refined_above as f32 } else { 1.0 },
             ..numbers.frame
         };
@@ -344,7 +345,9 @@ fn check_quality(quality: &Quality) -> Result<(), PlanError> {
         "0 to 0.5",
     )?;
     check("light_span_voxels", light_span_voxels, (0.0..=64.0).contains(&light_span_voxels), "0 to 64")?;
-    check("light_weight", light_weight, (0.0..=1.0).contains(&light_weight), "0 to 1")
+    check("light_weight", light_weight, (0.0..=1.0).contains(&light_weight), "0 to 1")?;
+    let below = quality.interpolated_below;
+    check("interpolated_below", below, (0.0..=1.0).contains(&below), "0 to 1")
 }
 
 fn f32s(v: DVec3) -> [f32; 3] {

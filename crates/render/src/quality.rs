@@ -32,6 +32,10 @@ pub struct Quality {
     pub light_span_voxels: f64,
     /// They end with the one with which they have taken more than this part of all light, 0 to 1; 0: each sample by itself.
     pub light_weight: f64,
+    /// Rays of every other pixel of every other row are cast first. Where four neighbours of them differ by no more than
+    /// this, in red, green, blue and opacity, the three pixels between them are interpolated; 0 to 1, and 0 to cast a ray
+    /// for each pixel. Not looked at where several volumes are shown.
+    pub interpolated_below: f64,
     /// Who interpolates.
     pub sampling: Sampling,
     /// Whether surfaces and maxima are solved cell by cell, whoever interpolates where matter is summed: one that lies
@@ -50,6 +54,7 @@ impl Quality {
         least_transmittance: 1.0 / 64.0,
         light_span_voxels: 4.0,
         light_weight: 1.0,
+        interpolated_below: 1.0 / 16.0,
         solves_surfaces: false,
         ..Self::BALANCED
     };
@@ -66,6 +71,7 @@ impl Quality {
         least_transmittance: 1.0 / 256.0,
         light_span_voxels: 1.0,
         light_weight: 1.0 / 64.0,
+        interpolated_below: 0.0,
         sampling: Sampling::Hardware,
         solves_surfaces: true,
         skip_empty: true,
@@ -96,13 +102,14 @@ impl Quality {
             step_voxels,
             refined_parts: self.refined_parts.min(Self::DRAFT.refined_parts),
             refined_above: self.refined_above.max(Self::DRAFT.refined_above),
+            interpolated_below: self.interpolated_below.max(Self::DRAFT.interpolated_below),
             solves_surfaces: false,
             ..self
         }
     }
 
     /// The numbers of a quality by name, as [`Self::with`] takes them.
-    pub const NUMBERS: [&'static str; 7] = [
+    pub const NUMBERS: [&'static str; 8] = [
         "resolution_scale",
         "step_voxels",
         "refined_parts",
@@ -110,6 +117,7 @@ impl Quality {
         "least_transmittance",
         "light_span_voxels",
         "light_weight",
+        "interpolated_below",
     ];
 
     /// The same with another number of that name; `None` if there is none. Whether the number is in its range is said when
@@ -125,6 +133,7 @@ impl Quality {
             "least_transmittance" => self.least_transmittance = number,
             "light_span_voxels" => self.light_span_voxels = number,
             "light_weight" => self.light_weight = number,
+            "interpolated_below" => self.interpolated_below = number,
             _ => return None,
         }
         Some(self)

@@ -397,6 +397,7 @@ impl SeveralPipelines {
         let cast = module("several", shaders::several(&kinds));
         RaycastPipelines {
             tiles: make(device, &tiles, &self.tiles_layout, "find", &[]),
+            spread: None,
             cast: make(device, &cast, &self.cast_layout, entry, &constants),
         }
     }

@@ -23,6 +23,13 @@ pub(crate) const RAYCAST: &str = concat!(
     include_str!("../../../shaders/bare.wgsl"),
 );
 
+/// Interpolate pixels between rays, and list those that need rays of their own.
+pub(crate) const SPREAD: &str = concat!(
+    include_str!("../../../shaders/common/frame.wgsl"),
+    include_str!("../../../shaders/common/tiles.wgsl"),
+    include_str!("../../../shaders/spread.wgsl"),
+);
+
 /// What [`several_tiles`] is made of.
 const SEVERAL_TILES: &str = concat!(
     include_str!("../../../shaders/common/frame.wgsl"),
@@ -225,8 +232,8 @@ mod tests {
         }
     }
 
-    const ALL: [(&str, &str); 4] =
-        [("tiles", TILES), ("raycast", RAYCAST), ("convert", CONVERT), ("depth", DEPTH)];
+    const ALL: [(&str, &str); 5] =
+        [("tiles", TILES), ("raycast", RAYCAST), ("spread", SPREAD), ("convert", CONVERT), ("depth", DEPTH)];
 
     /// All kinds that a volume may be of.
     const KINDS: [PartKind; 5] = [

@@ -7,8 +7,11 @@ use crate::pipelines::{DEPTH_FORMAT, MASK_FORMAT, PICTURE_FORMAT};
 
 /// Rays along each side of a tile. The shader has the same number.
 const TILE: u32 = 8;
-/// Bytes of the work list before its tiles.
-const WORK_HEAD_BYTES: u64 = 16;
+/// Bytes of a list of work before its tiles or pixels: how many workgroups to dispatch, how many entries there are, and
+/// how many workgroups where each takes four tiles.
+const WORK_HEAD_BYTES: u64 = 28;
+/// Where the second number of workgroups lies.
+const GROUPS_OF_FOUR_AT: u64 = 16;
 
 /// The picture, its depths, and what is made of them. Frames follow each other on the device, so one set serves all:
 /// it is as large as the largest of them.
@@ -21,7 +24,12 @@ pub(crate) struct Targets {
     pub(crate) depth_grid: wgpu::Buffer,
     /// Workgroups to cast, as an indirect dispatch takes them, the number of tiles, and the tiles.
     work: wgpu::Buffer,
+    /// The same for pixels.
+    rest: wgpu::Buffer,
     tiles_group: wgpu::BindGroup,
+    first_group: wgpu::BindGroup,
+    spread_group: wgpu::BindGroup,
+    rest_group: wgpu::BindGroup,
     pub(crate) picture_group: wgpu::BindGroup,
     pub(crate) convert_group: wgpu::BindGroup,
     pub(crate) depth_group: wgpu::BindGroup,
@@ -100,6 +108,17 @@ impl Targets {
             work_bytes,
             wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::COPY_DST,
         )?;
+        // Of every other pixel of every other row; the others may all be listed.
+        let first_px = needs.size_px.map(|side| side.div_ceil(2));
+        let first_picture = layers(gpu, "the first rays' picture", first_px, needs.eyes, PICTURE_FORMAT)?;
+        let first_depth = layers(gpu, "the first rays' depths", first_px, needs.eyes, DEPTH_FORMAT)?;
+        let rest_bytes =
+            WORK_HEAD_BYTES + 12 * u64::from(first_px[0]) * u64::from(first_px[1]) * u64::from(needs.eyes);
+        let rest = gpu.buffer(
+            "the list of pixels",
+            rest_bytes,
+            wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::COPY_DST,
+        )?;
         let out = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
         let planes = gpu.buffer("the picture's planes", needs.planes_bytes, out)?;
         let depth_grid = gpu.buffer("the grid of depths", needs.depth_grid_bytes, out)?;
@@ -108,6 +127,10 @@ impl Targets {
             ..Default::default()
         };
         let (picture_view, depth_view) = (picture.create_view(&array), depth.create_view(&array));
+        let (first_view, first_depth_view) =
+            (first_picture.create_view(&array), first_depth.create_view(&array));
+        let first_binding = wgpu::BindingResource::TextureView(&first_view);
+        let first_depth_binding = wgpu::BindingResource::TextureView(&first_depth_view);
         let masks_view = masks.create_view(&array);
         let masks_binding = wgpu::BindingResource::TextureView(&masks_view);
         let sampler = gpu.linear_sampler();
@@ -134,12 +157,30 @@ impl Targets {
                 work.as_entire_binding(),
                 picture_binding.clone(),
                 depth_binding.clone(),
+                first_binding.clone(),
+                first_depth_binding.clone(),
             ],
         );
-        let picture_group = group(
-            "picture",
-            &pipelines.picture_layout,
-            &[picture_binding.clone(), depth_binding.clone(), masks_binding, work.as_entire_binding()],
+        let cast = |picture: &wgpu::BindingResource<'_>,
+                    depth: &wgpu::BindingResource<'_>,
+                    work: &wgpu::Buffer| {
+            let resources = [picture.clone(), depth.clone(), masks_binding.clone(), work.as_entire_binding()];
+            group("picture", &pipelines.picture_layout, &resources)
+        };
+        let picture_group = cast(&picture_binding, &depth_binding, &work);
+        let first_group = cast(&first_binding, &first_depth_binding, &work);
+        let rest_group = cast(&picture_binding, &depth_binding, &rest);
+        let spread_group = group(
+            "spread",
+            &pipelines.spread_layout,
+            &[
+                first_binding.clone(),
+                first_depth_binding.clone(),
+                picture_binding.clone(),
+                depth_binding.clone(),
+                work.as_entire_binding(),
+                rest.as_entire_binding(),
+            ],
         );
         let sampler_binding = wgpu::BindingResource::Sampler(&sampler);
         let convert_group = group(
@@ -154,7 +195,11 @@ impl Targets {
         );
         Ok(Self {
             work,
+            rest,
             tiles_group,
+            first_group,
+            spread_group,
+            rest_group,
             picture_group,
             convert_group,
             depth_group,
@@ -215,6 +260,7 @@ pub(crate) fn record_raycast(
     };
     let pipelines = gpu.pipelines.raycast(&gpu.device, plan.features);
     encoder.clear_buffer(&targets.work, 0, Some(WORK_HEAD_BYTES));
+    encoder.clear_buffer(&targets.rest, 0, Some(WORK_HEAD_BYTES));
     let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
         label: Some("raycast"),
         timestamp_writes: timestamps,
@@ -226,8 +272,28 @@ pub(crate) fn record_raycast(
     pass.set_bind_group(3, &targets.tiles_group, &[]);
     let [columns, rows] = plan.render_size_px().map(|side| side.div_ceil(TILE));
     pass.dispatch_workgroups(columns.div_ceil(8), rows.div_ceil(8), plan.eye_count());
-    pass.set_pipeline(&pipelines.cast);
-    pass.set_bind_group(3, &targets.picture_group, &[]);
-    pass.dispatch_workgroups_indirect(&targets.work, 0);
+    let cast = |pass: &mut wgpu::ComputePass<'_>,
+                pipeline: &wgpu::ComputePipeline,
+                into,
+                work: (&wgpu::Buffer, u64)| {
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(1, volume_group, &[]);
+        pass.set_bind_group(2, &scene_group, &[]);
+        pass.set_bind_group(3, into, &[]);
+        pass.dispatch_workgroups_indirect(work.0, work.1);
+    };
+    let Some(spread) = &pipelines.spread else {
+        cast(&mut pass, &pipelines.cast, &targets.picture_group, (&targets.work, 0));
+        return Ok(());
+    };
+    let fours = (&targets.work, GROUPS_OF_FOUR_AT);
+    cast(&mut pass, &spread.first, &targets.first_group, fours);
+    pass.set_pipeline(&spread.spread);
+    pass.set_bind_group(1, &targets.spread_group, &[]);
+    pass.dispatch_workgroups_indirect(fours.0, fours.1);
+    if let Some(counted) = &spread.first_counted {
+        cast(&mut pass, counted, &targets.picture_group, fours);
+    }
+    cast(&mut pass, &pipelines.cast, &targets.rest_group, (&targets.rest, 0));
     Ok(())
 }

@@ -110,9 +110,14 @@ pub fn cost(
     let (bare, cut) = (both.bare(), both.cut());
     let stills = StillRenderer::new(gpu);
     let (counts, all) = (stills.count(scene, &both)?, stills.count(scene, &bare)?);
-    // What shows something of the bare loop's own samples: none finer, no cells.
-    let quality =
-        Quality { refined_parts: 1, solves_surfaces: false, sampling: Sampling::Hardware, ..setting.quality };
+    // What shows something of the bare loop's own samples: none finer, no cells, no pixel without a ray.
+    let quality = Quality {
+        refined_parts: 1,
+        solves_surfaces: false,
+        sampling: Sampling::Hardware,
+        interpolated_below: 0.0,
+        ..setting.quality
+    };
     let plain = stills.count(scene, &watched.plan(eyes, &Setting { quality, ..setting.clone() })?)?;
     let frames = in_turns(gpu, &[&both, &bare, &left, &right, &cut].map(|plan| (*scene, plan)), rounds)?;
     let [stereo, bare, left, right, cut] = frames.as_slice() else {

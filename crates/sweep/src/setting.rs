@@ -110,7 +110,7 @@ pub fn settings() -> Vec<Setting> {
     all
 }
 
-/// Settings whose cost is measured: the levels, and `balanced` without each thing that makes it faster.
+/// Settings whose cost is measured: the levels, and `balanced` and `draft` without each thing that makes them faster.
 #[must_use]
 pub fn cost_settings() -> Vec<Setting> {
     let setting = |curve, name: &str, quality| Setting { curve, name: name.to_owned(), quality };
@@ -118,6 +118,11 @@ pub fn cost_settings() -> Vec<Setting> {
     let b = Quality::BALANCED;
     vec![
         level("draft", Quality::DRAFT),
+        setting(
+            Curve::FewerRays,
+            "draft, a ray a pixel",
+            Quality { interpolated_below: 0.0, ..Quality::DRAFT },
+        ),
         level("balanced", b),
         level("fine", Quality::FINE),
         setting(Curve::StepHardware, "balanced, not refined", Quality { refined_parts: 1, ..b }),
