@@ -336,6 +336,29 @@ fn float32_and_hardware_interpolation_agree_to_the_filters_digits() {
 }
 
 #[test]
+fn float64_is_drawn_as_the_float32_nearest_to_it() {
+    let dims = [9, 8, 7];
+    let doubles: Vec<f64> = (0..9 * 8 * 7).map(|i| f64::from(i % 101) / 7.0).collect();
+    let singles: Vec<f32> = doubles.iter().map(|&v| v as f32).collect();
+    assert!(doubles.iter().zip(&singles).any(|(d, s)| *d != f64::from(*s)));
+    let at = eye(DVec3::new(30.0, 25.0, 20.0), DVec3::new(4.0, 3.5, 3.0), 25.0);
+    let draw = |voxels: Voxels| {
+        let shown = Shown::new(
+            &volume(dims, DVec3::splat(1.0), voxels),
+            r#"{"transfer": [[2, 1, 0, 0, 0], [9, 0, 1, 0, 0.4], [14, 0, 0, 1, 0.9]]}"#,
+        );
+        shown.still(&[at], [24, 24], Quality::BALANCED, None).rgba
+    };
+    let single = draw(Voxels::F32(singles.into()));
+    assert!(single.iter().any(|p| p[3] > 0.5));
+    assert_eq!(draw(Voxels::F64(doubles.clone().into())), single);
+    // Beyond float32, the largest there is.
+    let beyond: Vec<f64> = doubles.iter().map(|&v| if v > 13.0 { 1.0e100 } else { v }).collect();
+    let clamped = beyond.iter().map(|&v| v.min(f64::from(f32::MAX)) as f32).collect();
+    assert_eq!(draw(Voxels::F64(beyond.into())), draw(Voxels::F32(clamped)));
+}
+
+#[test]
 fn the_planes_are_the_picture_in_bt709() {
     let dims = [32, 32, 32];
     let v = volume(dims, DVec3::ONE, noise(dims, 5));

@@ -99,7 +99,7 @@ fn images_of_two_patients_are_loaded_only_if_that_is_forced() {
     ] {
         let refused = run(command);
         assert!(!refused.err.contains("NOBODY"), "{}", refused.err);
-        refused.failed(&["2 patients", "--force"]);
+        refused.failed(&["images of one patient are expected, found those of 2", "force"]);
         run(command.iter().chain(&["--force"])).well();
     }
 }

@@ -553,6 +553,25 @@ fn bits_that_are_not_stored_are_cut_off_and_signs_extended() {
 }
 
 #[test]
+fn slopes_of_each_slice_are_applied_to_the_bit() {
+    let slope = |i: usize| [0.1, 0.3, 1.0 / 3.0][i];
+    let slices: Vec<Slice> = (0..3)
+        .map(|i| {
+            let slice = Slice::at(i as f64, 1000 + i as u16).with(0x0028, 0x1052, "DS", "0.7");
+            slice.with(0x0028, 0x1053, "DS", &slope(i).to_string())
+        })
+        .collect();
+    let loaded = parts(&slices).unwrap();
+    assert!(matches!(loaded.volume.channels()[0].voxels, Voxels::F64(_)));
+    for (i, found) in column(&loaded).into_iter().enumerate() {
+        let expected = slope(i) * (1000 + i) as f64 + 0.7;
+        assert_eq!(found.to_bits(), expected.to_bits(), "{found} {expected}");
+    }
+    assert_noted(&loaded, "slices differ in slope, intercept or type");
+    assert_noted(&loaded, "draws from float32 of them, off by at most");
+}
+
+#[test]
 fn one_slice_has_the_thickness_that_the_file_says() {
     let slice = Slice::at(0.0, 1).with(0x0018, 0x0050, "DS", "2.5");
     assert_eq!(parts(&[slice]).unwrap().volume.grid().spacing_mm().z, 2.5);
