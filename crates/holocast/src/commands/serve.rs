@@ -3,6 +3,7 @@
 use crate::cli::Serve;
 use crate::commands::series::series_of;
 use crate::commands::shown::{Shown, load_options, quality_named};
+use crate::machine;
 use crate::terminal::{progress, progress_done, say, tell};
 use ::render::{Gpu, VolumeOnDevice};
 use anyhow::{Context as _, bail};
@@ -35,6 +36,9 @@ pub(crate) fn run(arguments: &Serve) -> anyhow::Result<()> {
         });
         progress_done();
         on_device.push(Arc::new(uploaded?));
+    }
+    if gpu.adapter().is_software {
+        machine::put_rays_behind();
     }
     shown.tell_register()?;
 
