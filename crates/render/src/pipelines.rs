@@ -61,7 +61,7 @@ impl Features {
             cells: !numbers.labels
                 && (quality.sampling == Sampling::Cells || (quality.solves_surfaces && shows_surfaces)),
             labels: numbers.labels,
-            spread: quality.interpolated_below > 0.0,
+            spread: quality.interpolated_below > 0.0 && !numbers.labels,
             ..Self::NONE
         }
     }

@@ -34,7 +34,7 @@ pub struct Quality {
     pub light_weight: f64,
     /// Rays of every other pixel of every other row are cast first. Where four neighbours of them differ by no more than
     /// this, in red, green, blue and opacity, the three pixels between them are interpolated; 0 to 1, and 0 to cast a ray
-    /// for each pixel. Not looked at where several volumes are shown.
+    /// for each pixel. Not looked at where labels or several volumes are shown.
     pub interpolated_below: f64,
     /// Who interpolates.
     pub sampling: Sampling,
