@@ -1,5 +1,4 @@
 //! The seeds of the fuzz target are what they seem to be: a fuzzer that begins with refused files finds little.
-#![expect(clippy::unwrap_used, reason = "functions that tests share fail by panicking")]
 
 use colour_io::{labels, transfer};
 
