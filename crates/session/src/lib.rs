@@ -7,7 +7,7 @@
 //! ```text
 //! loop {
 //!     // 1. Drain: all of it, before waiting.
-//!     while let Some(transmit) = session.poll_transmit() {                                    (the server's takes `now`)
+//!     while let Some(transmit) = session.poll_transmit() {                  (the server's takes `now`)
 //!         Control(bytes)  => append to the control stream (the highest priority of all streams)
 //!         Datagram(bytes) => send as a datagram; a full queue may drop it
 //!         Frame { .. }    => open a unidirectional stream, set its priority, write, finish      (server)
