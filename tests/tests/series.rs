@@ -138,7 +138,6 @@ async fn a_play_stands_while_nobody_looks() {
     tokio::time::sleep(MEANWHILE).await;
     assert_eq!(loads(), 1);
     let mut viewer = Viewer::join(&room, "viewer").await;
-    assert_eq!(viewer.frame_after(0).await.received.header.time_step, 2);
     viewer.frame_of_step(0, 0).await;
     viewer.frame_of_step(1, 0).await;
     viewer.leave().await;
