@@ -1,6 +1,6 @@
 //! How far one picture is from another.
 
-use crate::ssim::mean_ssim;
+use crate::ssim::{mean_ssim, mean_ssim_where};
 use crate::{Picture, Pixel, RaySetup, Reference, ReferenceError, Uncertainty};
 
 /// A sample of a picture.
@@ -51,6 +51,13 @@ pub struct DepthErrors {
     pub worst: Option<(u32, u32)>,
     /// Root of the mean square difference where both have one, millimetres.
     pub rmse_mm: f64,
+    /// From the nearest to the farthest depth of the first, where both have one, millimetres.
+    pub range_mm: f64,
+    /// `20·log₁₀(range_mm / rmse_mm)`, decibels; `None` without an error, or without a range to hold it against.
+    pub psnr_db: Option<f64>,
+    /// Structural similarity where both have one, of depths over the range, as colours have it; `None` without a range,
+    /// or without such a pixel around which a window fits.
+    pub ssim: Option<f64>,
 }
 
 /// Compares two pictures of one size. The colours are compared as they are, multiplied by opacity; put both over a
@@ -97,10 +104,12 @@ pub fn compare(a: &Picture, b: &Picture) -> Result<Comparison, ReferenceError> {
 fn depth_errors(a: &Picture, b: &Picture) -> DepthErrors {
     let mut errors = DepthErrors::default();
     let mut squares = 0.0;
+    let (mut nearest, mut farthest) = (f64::INFINITY, f64::NEG_INFINITY);
     for (at, (p, q)) in a.pixels().iter().zip(b.pixels()).enumerate() {
         match (p.depth_mm, q.depth_mm) {
             (Some(p), Some(q)) => {
                 let error = off(p, q);
+                (nearest, farthest) = (nearest.min(p), farthest.max(p));
                 errors.both += 1;
                 squares += error * error;
                 if error > errors.max_abs_error_mm {
@@ -113,8 +122,21 @@ fn depth_errors(a: &Picture, b: &Picture) -> DepthErrors {
             (None, None) => {}
         }
     }
-    if errors.both > 0 {
-        errors.rmse_mm = (squares / errors.both as f64).sqrt();
+    if errors.both == 0 {
+        return errors;
+    }
+    errors.rmse_mm = (squares / errors.both as f64).sqrt();
+    errors.range_mm = farthest - nearest;
+    if errors.range_mm > 0.0 {
+        errors.psnr_db = (errors.rmse_mm > 0.0).then(|| 20.0 * (errors.range_mm / errors.rmse_mm).log10());
+        let counts: Vec<bool> =
+            a.pixels().iter().zip(b.pixels()).map(|(p, q)| p.depth_mm.and(q.depth_mm).is_some()).collect();
+        let plane = |of: &Picture| -> Vec<f64> {
+            let part = |depth_mm: f64| (depth_mm - nearest) / errors.range_mm;
+            of.pixels().iter().map(|p| p.depth_mm.map_or(0.0, part)).collect()
+        };
+        let (width, height) = (a.width() as usize, a.height() as usize);
+        errors.ssim = mean_ssim_where(&plane(a), &plane(b), &counts, width, height);
     }
     errors
 }
@@ -279,6 +301,23 @@ mod tests {
         let d = compare(&a, &b).unwrap().depth;
         assert_eq!((d.both, d.only_first, d.only_second), (1, 1, 1));
         assert_eq!((d.max_abs_error_mm, d.rmse_mm, d.worst), (0.5, 0.5, Some((0, 0))));
+        assert_eq!((d.range_mm, d.psnr_db, d.ssim), (0.0, None, None));
+    }
+
+    #[test]
+    fn depths_off_by_a_tenth_of_their_range_have_20_db() {
+        let of = |by: f64| -> Vec<([f64; 4], Option<f64>)> {
+            let depth = |i: u32| (i % 5 > 0).then_some(100.0 + f64::from(i % 5) * 10.0 + by);
+            (0..400).map(|i| ([0.5; 4], depth(i))).collect()
+        };
+        let [a, b] = [0.0, 3.0].map(|by| picture(&of(by), 20));
+        let d = compare(&a, &b).unwrap().depth;
+        assert_eq!((d.both, d.range_mm), (320, 30.0));
+        assert!((d.psnr_db.unwrap() - 20.0).abs() < 1e-9, "{d:?}");
+        // All are shifted alike: the same shapes, a little brighter.
+        assert!(d.ssim.unwrap() > 0.9 && d.ssim.unwrap() < 1.0, "{d:?}");
+        let same = compare(&a, &a).unwrap().depth;
+        assert!(same.psnr_db.is_none() && (same.ssim.unwrap() - 1.0).abs() < 1e-12, "{same:?}");
     }
 
     #[test]

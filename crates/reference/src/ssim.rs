@@ -13,8 +13,27 @@ const C2: f64 = 0.03 * 0.03;
 /// As published: Gaussian window of 11 × 11 with σ = 1.5, only where it fits. Along a side shorter than the window it is
 /// cut to the picture and made to sum to 1 again.
 pub(crate) fn mean_ssim(a: &[f64], b: &[f64], width: usize, height: usize) -> f64 {
+    mean_ssim_where(a, b, &vec![true; a.len()], width, height).unwrap_or(1.0)
+}
+
+/// The same over the pixels that count: windows around them alone, in which they alone have weight. `None` if none counts
+/// around which a window fits.
+pub(crate) fn mean_ssim_where(
+    a: &[f64],
+    b: &[f64],
+    counts: &[bool],
+    width: usize,
+    height: usize,
+) -> Option<f64> {
     let (across, down) = (windows(width), windows(height));
-    let blurred = |of: &dyn Fn(usize) -> f64| blur(of, width, height, &across, &down);
+    let is_counted = |i: usize| f64::from(u8::from(counts[i]));
+    let weights = blur(&is_counted, width, height, &across, &down);
+    let blurred = |of: &dyn Fn(usize) -> f64| {
+        let counted = |i: usize| if counts[i] { of(i) } else { 0.0 };
+        let mut sums = blur(&counted, width, height, &across, &down);
+        sums.iter_mut().zip(&weights).for_each(|(sum, weight)| *sum /= weight);
+        sums
+    };
     let mean_a = blurred(&|i| a[i]);
     let mean_b = blurred(&|i| b[i]);
     let square_a = blurred(&|i| a[i] * a[i]);
@@ -26,11 +45,15 @@ pub(crate) fn mean_ssim(a: &[f64], b: &[f64], width: usize, height: usize) -> f6
         let covariance = product[i] - ma * mb;
         (2.0 * ma * mb + C1) * (2.0 * covariance + C2) / ((ma * ma + mb * mb + C1) * (va + vb + C2))
     };
-    (0..mean_a.len()).map(similarity).sum::<f64>() / mean_a.len() as f64
+    let centre = |i: usize| down[i / across.len()].centre * width + across[i % across.len()].centre;
+    let counted: Vec<usize> = (0..weights.len()).filter(|&i| counts[centre(i)]).collect();
+    let sum: f64 = counted.iter().map(|&i| similarity(i)).sum();
+    (!counted.is_empty()).then(|| sum / counted.len() as f64)
 }
 
-/// The first pixel of a window along a side, and its weights.
+/// A window along a side: its middle, its first pixel, and its weights.
 struct Window {
+    centre: usize,
     first: usize,
     weights: Vec<f64>,
 }
@@ -47,7 +70,7 @@ fn windows(length: usize) -> Vec<Window> {
                 (-off * off / (2.0 * SIGMA * SIGMA)).exp()
             };
             let sum: f64 = (first..=last).map(weight).sum();
-            Window { first, weights: (first..=last).map(|i| weight(i) / sum).collect() }
+            Window { centre, first, weights: (first..=last).map(|i| weight(i) / sum).collect() }
         })
         .collect()
 }
@@ -107,6 +130,20 @@ mod tests {
             }
         }
         assert!((mean_ssim(&a, &b, 32, 24) - 0.774_918_982_445_313_8).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_does_not_count_has_no_part_in_it() {
+        let a: Vec<f64> = (0..30 * 30).map(|i| f64::from(i % 7) / 7.0).collect();
+        let counts: Vec<bool> = (0..30 * 30).map(|i| i % 30 >= 12).collect();
+        let mut b = a.clone();
+        b.iter_mut().zip(&counts).filter(|(_, counts)| !**counts).for_each(|(b, _)| *b = f64::NAN);
+        assert!((mean_ssim_where(&a, &b, &counts, 30, 30).unwrap() - 1.0).abs() < 1e-12);
+        // One that counts does: it lies in the windows around 12..=20.
+        b[15 * 30 + 15] += 0.5;
+        let found = mean_ssim_where(&a, &b, &counts, 30, 30).unwrap();
+        assert!(found < 0.999 && found > 0.0, "{found}");
+        assert_eq!(mean_ssim_where(&a, &b, &[false; 900], 30, 30), None);
     }
 
     #[test]

@@ -85,7 +85,7 @@ fn json(arguments: &Compare, pair: &Pair, c: &Comparison, gain: f64) -> serde_js
             "pixels_in_both": depth.both, "pixels_only_in_a": depth.only_first,
             "pixels_only_in_b": depth.only_second, "max_abs_error_mm": depth.max_abs_error_mm,
             "worst": depth.worst.map(|(x, y)| serde_json::json!({"x": x, "y": y})),
-            "rmse_mm": depth.rmse_mm,
+            "rmse_mm": depth.rmse_mm, "range_mm": depth.range_mm, "psnr_db": depth.psnr_db, "ssim": depth.ssim,
         })),
         "difference": arguments.difference.as_ref().map(|path| serde_json::json!({"path": path, "gain": gain})),
     })
@@ -121,6 +121,17 @@ fn print(arguments: &Compare, pair: &Pair, c: &Comparison, gain: f64) {
             "depth         {:.4} mm largest{worst}, {:.4} mm RMSE over {} pixels",
             d.max_abs_error_mm, d.rmse_mm, d.both
         ));
+        match (d.psnr_db, d.ssim) {
+            (Some(psnr), Some(ssim)) => say(format!(
+                "              {psnr:.2} dB PSNR of a range of {:.2} mm, SSIM {ssim:.6}",
+                d.range_mm
+            )),
+            (Some(psnr), None) => {
+                say(format!("              {psnr:.2} dB PSNR of a range of {:.2} mm", d.range_mm));
+            }
+            (None, _) if d.rmse_mm > 0.0 => say("              no PSNR: all depths of the first are one"),
+            (None, _) => say("              no PSNR: the depths are equal"),
+        }
         say(format!(
             "              {} pixels have a depth only in the first, {} only in the second",
             d.only_first, d.only_second

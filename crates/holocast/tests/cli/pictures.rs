@@ -43,6 +43,10 @@ fn the_renderer_at_its_best_shows_the_exact_picture() {
     assert!(json["opacity"]["max_abs_error"].as_f64().unwrap() < 0.5 / 255.0, "{json}");
     assert!(json["depth"]["pixels_in_both"].as_u64().unwrap() > 100, "{json}");
     assert!(json["depth"]["rmse_mm"].as_f64().unwrap() < 0.5, "{json}");
+    let depth = |name: &str| json["depth"][name].as_f64().unwrap();
+    let expected = 20.0 * (depth("range_mm") / depth("rmse_mm")).log10();
+    assert!((depth("psnr_db") - expected).abs() < 1e-9 && expected > 40.0, "{json}");
+    assert!(depth("ssim") > 0.99, "{json}");
 
     render(&draft, "draft", "40");
     let worse = compare(&[&exact, &draft, "--json"]).json();
@@ -86,6 +90,7 @@ fn a_picture_equals_itself_and_its_own_png_within_half_a_step() {
     let same = compare(&[&data, &data, "--max-error", "0", "--json"]).json();
     assert_eq!((&same["max_abs_error"], &same["worst"]), (&0.0.into(), &serde_json::Value::Null), "{same}");
     assert!(same["psnr_db"].is_null() && same["depth"]["rmse_mm"] == 0.0, "{same}");
+    assert!(same["depth"]["psnr_db"].is_null() && same["depth"]["range_mm"].as_f64() > Some(1.0), "{same}");
 
     // The scene's background shows in the PNG; before another one it is another picture.
     let json = compare(&[&data, &picture, "--background", "0,0,0.2", "--json"]).json();
