@@ -59,8 +59,14 @@ impl Quality {
         ..Self::BALANCED
     };
     /// Steps of a voxel and nothing else: what refined steps and solved surfaces are measured against, no level of its own.
-    pub const PLAIN: Self =
-        Self { step_voxels: 1.0, refined_parts: 1, solves_surfaces: false, ..Self::BALANCED };
+    pub const PLAIN: Self = Self {
+        step_voxels: 1.0,
+        refined_parts: 1,
+        light_span_voxels: 0.0,
+        light_weight: 0.0,
+        solves_surfaces: false,
+        ..Self::BALANCED
+    };
     /// Steps of three eighths of a voxel, and quarters of them where there is something to see; light for each sixty-fourth
     /// of what is seen, and at least for each voxel; surfaces and maxima without steps.
     pub const BALANCED: Self = Self {

@@ -54,6 +54,30 @@ fn plain_steps_are_of_second_order() {
     }
 }
 
+#[test]
+fn refined_steps_are_of_second_order() {
+    for (what, json) in [("fog", FOG), ("lit fog", LIT_FOG)] {
+        let shown = blob(1.0, json);
+        let exact = shown.exact(view(1.0), SIZE);
+        // Everywhere, and where there is something to see: in as much of the fog at each step, of whose opacity it is a bound.
+        // Light in groups errs by what a group weighs, whatever the step.
+        for (where_to, above_a_mm) in [("all", 0.0), ("what is seen", Quality::BALANCED.refined_above)] {
+            let error = |step: f64| {
+                let quality = to_the_end(Quality {
+                    sampling: Sampling::Float32,
+                    refined_above: above_a_mm * step,
+                    light_weight: 0.0,
+                    ..Quality::BALANCED
+                });
+                let drawn = shown.drawn(view(1.0), SIZE, quality, Some(step));
+                let c = compare(&exact, &drawn).unwrap();
+                c.rmse.hypot(c.opacity_rmse)
+            };
+            order(&format!("{what}, refined {where_to}"), [2.0, 1.0, 0.5].map(error), 2.0, 0.35);
+        }
+    }
+}
+
 /// The closed form of every pixel, from where its ray runs past the middle: the nearest point's distance along the ray, and
 /// how far that is from the middle, millimetres; and where the ray is inside.
 fn rays(h: f64) -> Vec<(f64, f64, f64, f64)> {
