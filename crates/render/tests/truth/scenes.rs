@@ -21,6 +21,11 @@ pub(crate) struct Case {
 }
 
 impl Case {
+    /// Whether every sample is a number of its own.
+    pub(crate) fn is_noise(&self) -> bool {
+        self.name.starts_with("noise")
+    }
+
     /// The smallest spacing.
     pub(crate) fn voxel_mm(&self) -> f64 {
         self.shown.volume.grid().spacing_mm().min_element()

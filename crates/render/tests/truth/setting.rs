@@ -1,13 +1,14 @@
 //! Volumes, scenes and eyes on the device and in the reference.
 
 use crate::tolerances;
-use reference::{Picture, RaySetup, Reference, Uncertainty, judge};
+use reference::{Picture, RaySetup, Reference, Tolerance, Uncertainty, judge};
 use render::{
     DepthGridSize, Gpu, Placed, Quality, SceneOnDevice, StereoPlan, StereoRequest, Still, StillRenderer,
     VolumeOnDevice,
 };
 use scene::{FurtherFacts, Scene, SceneFile, VolumeFacts, VolumeSource};
 use spatial::{DAffine3, DMat3, DQuat, DVec3, EyeView, Fov, Pose};
+use std::collections::HashSet;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 use volume::{Channel, ChannelKind, Grid, Volume, Voxels};
@@ -268,28 +269,58 @@ pub(crate) fn near(found: f64, expected: f64, tolerance: f64) {
     assert!((found - expected).abs() <= tolerance, "{found}, expected {expected} within {tolerance:e}");
 }
 
-/// Draws a picture at the level `exact`, and asks of it what is asked there of every picture.
+/// Draws a picture at the levels `fine` and `exact`, and asks of each what is asked there of every picture; that of
+/// `exact`.
 #[track_caller]
 pub(crate) fn true_picture(name: &str, shown: &Shown, eye: EyeView, size: [u32; 2]) -> Picture {
     let exact = shown.exact(eye, size);
-    let drawn = shown.drawn(eye, size, Quality::EXACT, None);
+    let voxel_mm = shown.volume.grid().spacing_mm().min_element();
+    let held = |level, quality, tolerance, most_rmse| {
+        let drawn = shown.drawn(eye, size, quality, None);
+        let name = format!("{name}, {}, {level}", shown.scene.mode.name());
+        hold(&name, shown, eye, [&exact, &drawn], &tolerance, most_rmse);
+        drawn
+    };
+    held("fine", Quality::FINE, tolerances::fine(voxel_mm), tolerances::FINE_RMSE);
+    held("exact", Quality::EXACT, tolerances::exact(voxel_mm), tolerances::EXACT_COLOR)
+}
+
+/// Holds a drawn picture against the exact one: each pixel, where the picture jumps against the nearest right answer; and
+/// the root of the mean square over all others.
+#[track_caller]
+fn hold(
+    name: &str,
+    shown: &Shown,
+    eye: EyeView,
+    [exact, drawn]: [&Picture; 2],
+    tolerance: &Tolerance,
+    most_rmse: f64,
+) {
     let reference = shown.reference();
-    let tolerance = tolerances::exact(shown.volume.grid().spacing_mm().min_element());
     let uncertainty = Uncertainty::of_float32(&reference);
-    let verdict = judge(&reference, &shown.rays(eye), &exact, &drawn, &tolerance, &uncertainty).unwrap();
-    tell(&format!(
-        "{name}, {}: at most {:.4}/255, {} jumps",
-        shown.scene.mode.name(),
-        verdict.color_error * 255.0,
-        verdict.jumps.len()
-    ));
+    let verdict = judge(&reference, &shown.rays(eye), exact, drawn, tolerance, &uncertainty).unwrap();
     let most = (tolerances::MOST_JUMPS * verdict.pixels as f64).ceil() as usize;
-    if !verdict.wrong.is_empty() || verdict.jumps.len() > most {
-        keep_failure(name, &exact, &drawn);
-        panic!("{name}, {}: {verdict:?}", shown.scene.mode.name());
+    let jumps: HashSet<(u32, u32)> = verdict.jumps.iter().copied().collect();
+    let (mut squares, mut count) = (0.0, 0.0);
+    for (i, (a, b)) in exact.pixels().iter().zip(drawn.pixels()).enumerate() {
+        let (i, width) = (i as u32, exact.width());
+        if !jumps.contains(&(i % width, i / width)) {
+            squares += (0..3).map(|c| (a.rgba[c] - b.rgba[c]).powi(2)).sum::<f64>();
+            count += 3.0;
+        }
     }
-    finite(name, &drawn);
-    drawn
+    let rmse = if count > 0.0 { (squares / count).sqrt() } else { 0.0 };
+    tell(&format!(
+        "{name}: at most {:.4}/255, rmse {:.4}/255, {} jumps",
+        verdict.color_error * 255.0,
+        rmse * 255.0,
+        jumps.len()
+    ));
+    if !verdict.wrong.is_empty() || jumps.len() > most || rmse > most_rmse {
+        keep_failure(name, exact, drawn);
+        panic!("{name}: rmse {:.4}/255, {verdict:?}", rmse * 255.0);
+    }
+    finite(name, drawn);
 }
 
 /// No pixel is anything but a colour.

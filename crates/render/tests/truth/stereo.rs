@@ -2,7 +2,7 @@
 
 use crate::scenes::{hills, looks};
 use crate::setting::{
-    Noise, Shown, each, floats, oblique, picture_of, straight, true_picture, u8s, volume_on,
+    Noise, Shown, each, floats, labels_on, oblique, picture_of, straight, true_picture, u8s, volume_on,
 };
 use crate::tolerances::EXACT_COLOR;
 use render::{Quality, Sampling};
@@ -48,6 +48,62 @@ fn eyes_without_distance_see_the_same_and_a_pair_is_two_single_eyes_to_the_bit()
             }
         }
     }
+}
+
+/// Holds a pair of eyes of which each sees something else against the two by themselves, to the bit.
+#[track_caller]
+fn as_single_eyes(what: &str, shown: &Shown, head: &Pose, fov: Fov) {
+    let size = [33, 25];
+    let eyes = HeadGeometry::parallel(6.0, fov).view(head).eyes;
+    for quality in levels().into_iter().chain([Quality::DRAFT]) {
+        let what = format!("{what}, {quality:?}");
+        let pair = shown.still(&eyes, size, quality, None);
+        assert!(pair.eye(0) != pair.eye(1), "{what}");
+        assert!(pair.rgba.iter().filter(|p| p[3] > 0.1).count() > 200, "{what}: something is seen");
+        for i in 0..2 {
+            let single = shown.still(&eyes[i..=i], size, quality, None);
+            let bits = |rgba: &[[f32; 4]]| rgba.iter().map(|p| p.map(f32::to_bits)).collect::<Vec<_>>();
+            assert!(bits(&single.rgba) == bits(pair.eye(i)), "{what}: eye {i}");
+            assert!(single.depth_mm == pair.eye_depth_mm(i), "{what}: depths of eye {i}");
+        }
+    }
+}
+
+/// Shells of labels around the middle of 24 voxels.
+fn shells() -> Vec<f64> {
+    each([24; 3], |p| match (p - 11.5).length() {
+        r if r > 11.0 => 0.0,
+        r if r > 7.0 => 1.0,
+        _ if p.x > 12.0 => 2.0,
+        _ => 3.0,
+    })
+}
+
+const FOV: Fov = Fov { left: -0.35, right: 0.4, up: 0.35, down: -0.3 };
+
+#[test]
+fn a_pair_of_eyes_sees_labels_as_two_single_eyes_to_the_bit() {
+    let grid = oblique([24; 3], [1.0, 1.2, 0.9]);
+    let head = Pose::looking_at(DVec3::new(55.0, -30.0, 40.0), DVec3::splat(11.0), DVec3::Z).unwrap();
+    for shade in [false, true] {
+        let json = format!(r#"{{"labels": {{"opacity": {{"1": 0.05, "2": 0.4}}}}, "shade": {shade}}}"#);
+        let shown = Shown::new(labels_on(grid.clone(), u8s(&shells())), &json);
+        as_single_eyes(&format!("labels, shade {shade}"), &shown, &head, FOV);
+    }
+}
+
+#[test]
+fn a_pair_of_eyes_sees_several_volumes_as_two_single_eyes_to_the_bit() {
+    let n = 24;
+    let smooth = |scale: f64| u8s(&each([n; 3], |p| scale * hills(p, 23.0)));
+    let first = Arc::new(volume_on(straight([n; 3], [1.0; 3]), smooth(255.0)));
+    let second = Arc::new(volume_on(straight([n; 3], [1.2, 0.8, 1.1]), smooth(200.0)));
+    let labels = Arc::new(labels_on(straight([n; 3], [1.0; 3]), u8s(&shells())));
+    let head = Pose::looking_at(DVec3::new(55.0, -30.0, 40.0), DVec3::splat(11.0), DVec3::Z).unwrap();
+    let json = r#"{"transfer": [[40, 0.2, 0.4, 1, 0], [220, 1, 0.9, 0.7, 0.2]], "shade": true, "further_volumes": [
+        {"volume": "1", "transfer": [[60, 1, 0, 0, 0], [180, 1, 0.8, 0, 0.1]]},
+        {"volume": "2", "labels": {"opacity": {"1": 0.03, "2": 0.3}}, "shade": true}]}"#;
+    as_single_eyes("several", &Shown::several(&[&first, &second, &labels], json), &head, FOV);
 }
 
 #[test]
