@@ -19,6 +19,7 @@ const GROUPS_OF_FOUR_AT: u64 = 16;
 pub(crate) struct Targets {
     pub(crate) picture: wgpu::Texture,
     pub(crate) depth: wgpu::Texture,
+    first_picture: wgpu::Texture,
     masks: wgpu::Texture,
     pub(crate) planes: wgpu::Buffer,
     pub(crate) depth_grid: wgpu::Buffer,
@@ -39,6 +40,8 @@ pub(crate) struct Targets {
 #[derive(Clone, Copy, Debug, Default)]
 struct Needs {
     size_px: [u32; 2],
+    /// Rays that are cast before the others; one where there are none.
+    first_px: [u32; 2],
     eyes: u32,
     mask_layers: u32,
     planes_bytes: u64,
@@ -49,6 +52,11 @@ impl Needs {
     fn of(plan: &StereoPlan) -> Self {
         Self {
             size_px: plan.render_size_px(),
+            first_px: if plan.features.spread {
+                plan.render_size_px().map(|side| side.div_ceil(2))
+            } else {
+                [1; 2]
+            },
             eyes: plan.eye_count(),
             mask_layers: plan.eye_count() * plan.features.mask_layers(),
             planes_bytes: plan.planes_bytes() as u64,
@@ -59,6 +67,7 @@ impl Needs {
     fn of_both(self, other: Self) -> Self {
         Self {
             size_px: std::array::from_fn(|i| self.size_px[i].max(other.size_px[i])),
+            first_px: std::array::from_fn(|i| self.first_px[i].max(other.first_px[i])),
             eyes: self.eyes.max(other.eyes),
             mask_layers: self.mask_layers.max(other.mask_layers),
             planes_bytes: self.planes_bytes.max(other.planes_bytes),
@@ -71,6 +80,7 @@ impl Targets {
     fn holds(&self) -> Needs {
         Needs {
             size_px: [self.picture.width(), self.picture.height()],
+            first_px: [self.first_picture.width(), self.first_picture.height()],
             eyes: self.picture.depth_or_array_layers(),
             mask_layers: self.masks.depth_or_array_layers(),
             planes_bytes: self.planes.size(),
@@ -83,6 +93,8 @@ impl Targets {
         let (holds, needs) = (self.holds(), Needs::of(plan));
         holds.size_px[0] >= needs.size_px[0]
             && holds.size_px[1] >= needs.size_px[1]
+            && holds.first_px[0] >= needs.first_px[0]
+            && holds.first_px[1] >= needs.first_px[1]
             && holds.eyes >= needs.eyes
             && holds.mask_layers >= needs.mask_layers
             && holds.planes_bytes >= needs.planes_bytes
@@ -109,7 +121,7 @@ impl Targets {
             wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::COPY_DST,
         )?;
         // Of every other pixel of every other row; the others may all be listed.
-        let first_px = needs.size_px.map(|side| side.div_ceil(2));
+        let first_px = needs.first_px;
         let first_picture = layers(gpu, "the first rays' picture", first_px, needs.eyes, PICTURE_FORMAT)?;
         let first_depth = layers(gpu, "the first rays' depths", first_px, needs.eyes, DEPTH_FORMAT)?;
         let rest_bytes =
@@ -205,6 +217,7 @@ impl Targets {
             depth_group,
             picture,
             depth,
+            first_picture,
             masks,
             planes,
             depth_grid,
