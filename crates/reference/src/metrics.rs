@@ -307,7 +307,7 @@ mod tests {
     #[test]
     fn depths_off_by_a_tenth_of_their_range_have_20_db() {
         let of = |by: f64| -> Vec<([f64; 4], Option<f64>)> {
-            let depth = |i: u32| (i % 5 > 0).then_some(100.0 + f64::from(i % 5) * 10.0 + by);
+            let depth = |i: u32| (!i.is_multiple_of(5)).then_some(100.0 + f64::from(i % 5) * 10.0 + by);
             (0..400).map(|i| ([0.5; 4], depth(i))).collect()
         };
         let [a, b] = [0.0, 3.0].map(|by| picture(&of(by), 20));

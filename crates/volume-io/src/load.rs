@@ -17,7 +17,8 @@ const MAX_BYTES: u64 = 16 << 30;
 
 /// Most voxels along one axis, as in [`volume::Grid`].
 const LONGEST_AXIS: u32 = 32_767;
-/// Largest slope and intercept, and one over the smallest slope: with any float32 the value stays finite in float64.
+/// Largest slope and intercept, and one over the smallest slope: with any sample that is held, the value stays
+/// finite in float64.
 const LARGEST_SCALE: f64 = 1.0e100;
 
 /// Called with the fraction (0 to 1) of the voxels that have been read.

@@ -7,7 +7,7 @@ mod draw;
 use crate::{Loaded, Sequence};
 use serde::Serialize;
 use std::fmt;
-use volume::{Channel, ChannelKind, Grid, NonFiniteCount, Statistics, Voxels};
+use volume::{Channel, ChannelKind, Grid, NonFiniteCount, Statistics, VoxelType, Voxels};
 
 /// Axes that meet at an angle farther than this from 90°, in degrees, are called sheared; less is float32 rounding.
 const SHEARED_DEG: f64 = 0.05;
@@ -383,11 +383,10 @@ impl fmt::Display for ChannelDescription {
         };
         writeln!(f, "  window       {} to {}, {from}", number(self.window[0]), number(self.window[1]))?;
         if self.float32_rounding > 0.0 {
-            writeln!(
-                f,
-                "  on a device  samples as they are, values in float32: off by at most {}",
-                number(self.float32_rounding)
-            )?;
+            let what =
+                if self.r#type == VoxelType::F64.name() { "samples and" } else { "samples as they are," };
+            let rounding = number(self.float32_rounding);
+            writeln!(f, "  on a device  {what} values in float32: off by at most {rounding}")?;
         } else {
             writeln!(f, "  on a device  samples and values as they are")?;
         }

@@ -21,8 +21,9 @@ pub(super) fn save(path: &Path, picture: Picture, options: &SaveOptions) -> Resu
     let (depth, sample_bytes) = match &channel.voxels {
         Voxels::U8(_) => (BitDepth::Eight, 1),
         Voxels::U16(_) => (BitDepth::Sixteen, 2),
-        _ => {
-            let reason = "a PNG has 8 or 16 bits a sample, these are float32: ask for 8 or 16".to_owned();
+        other => {
+            let held = other.voxel_type().name();
+            let reason = format!("a PNG has 8 or 16 bits a sample, these are {held}: ask for 8 or 16");
             return Err(SaveError::Samples { channel: channel.name, reason });
         }
     };
