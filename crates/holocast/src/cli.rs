@@ -156,7 +156,8 @@ pub(crate) struct Registration {
     /// Write a line for each pose and age here (CSV)
     #[arg(long, value_name = "FILE")]
     pub(crate) csv: Option<PathBuf>,
-    /// Plot error against age here (PNG or SVG)
+    /// Plot error in degrees against age here, a plot for each head (PNG or SVG); beside it, named after it, in pixels
+    /// (-px), by the head's speed (-speed), and what it does to exact pictures (-db)
     #[arg(long, value_name = "FILE")]
     pub(crate) plot: Option<PathBuf>,
     /// The figures as JSON on standard output, instead of a table

@@ -31,4 +31,4 @@ pub use headset::{BitRate, Clock, Counters, HeadsetReport, HeadsetRun, QualityGi
 pub use plot::{Axis, Picture, Plot, Point, Scale, Sheet, Tile, latency, latency_of, pareto_front};
 pub use registration::{Registration, RegistrationClass};
 pub use run::{Everyone, FORMAT, Run, RunReport};
-pub use verification::{PictureError, Verification, VerificationReport, VerifiedFrame};
+pub use verification::{PictureError, Verification, VerificationReport, VerifiedClass, VerifiedFrame};

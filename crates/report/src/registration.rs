@@ -4,9 +4,9 @@ use crate::{Distribution, FrameRecord};
 use serde::{Deserialize, Serialize};
 
 /// Where one class of ages ends and the next begins, in milliseconds.
-const AGES_MS: [f64; 5] = [0.0, 20.0, 40.0, 60.0, 100.0];
+pub(crate) const AGES_MS: [f64; 5] = [0.0, 20.0, 40.0, 60.0, 100.0];
 /// Where one class of speeds ends and the next begins, in degrees a second.
-const SPEEDS_DEG_PER_SEC: [f64; 5] = [0.0, 10.0, 30.0, 60.0, 120.0];
+pub(crate) const SPEEDS_DEG_PER_SEC: [f64; 5] = [0.0, 10.0, 30.0, 60.0, 120.0];
 
 /// How far points of the hologram seemed to be from where they are when a picture was shown, without reprojection.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

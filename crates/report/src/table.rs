@@ -1,6 +1,8 @@
 //! A report as tables of plain text, at most 100 columns wide.
 
-use crate::{Distribution, HeadsetReport, Process, Registration, RunReport, Server};
+use crate::{
+    Distribution, HeadsetReport, Process, Registration, RunReport, Server, VerificationReport, VerifiedClass,
+};
 use comfy_table::{CellAlignment, Row, Table};
 use std::fmt;
 
@@ -278,11 +280,49 @@ fn registration(report: &RunReport, out: &mut fmt::Formatter<'_>) -> fmt::Result
             verification.shown_offset_px,
         ));
         print(out, &table)?;
+        verified_classes(out, verification)?;
         if verification.skipped > 0 {
             writeln!(out, "  {} more show another scene.", verification.skipped)?;
         }
     }
     Ok(())
+}
+
+/// Verified pictures by the age of their pose and by the speed of the head.
+fn verified_classes(out: &mut fmt::Formatter<'_>, verification: &VerificationReport) -> fmt::Result {
+    let mut table = table(&[
+        "when it was shown",
+        "pictures",
+        "dB as made p50",
+        "dB as shown p50",
+        "shifted by px p50",
+        "computed px p50",
+        "° p50",
+    ]);
+    let classes = |unit, classes: &[VerifiedClass]| -> Vec<Vec<String>> {
+        let p50 =
+            |of: Option<Distribution>, places| of.map_or("–".to_owned(), |of| decimals(of.p50, places));
+        let row = |class: &VerifiedClass| {
+            let to = class.below.map_or("…".to_owned(), |below| decimals(below, 0));
+            vec![
+                format!("{} to {to} {unit}", decimals(class.from, 0)),
+                class.pictures.to_string(),
+                p50(class.rendered_psnr_db, 1),
+                p50(class.display_psnr_db, 1),
+                p50(class.shown_offset_px, 2),
+                p50(class.registration_px, 2),
+                p50(class.registration_deg, 3),
+            ]
+        };
+        classes.iter().map(row).collect()
+    };
+    for row in classes("ms old", &verification.by_age_ms) {
+        table.add_row(row);
+    }
+    for row in classes("°/s", &verification.by_speed_deg_per_sec) {
+        table.add_row(row);
+    }
+    print(out, &table)
 }
 
 fn wrong(headset: &HeadsetReport) -> u64 {

@@ -5,12 +5,12 @@ use crate::commands::shown::Shown;
 use crate::terminal::{progress, progress_done, say};
 use anyhow::{Context as _, bail};
 use headset::DeviceModel;
-use report::{Axis, Distribution, Plot, Point};
+use report::{Axis, Distribution, Picture, Plot, Point};
 use serde::Serialize;
 use spatial::{DVec3, Pose};
 use std::fmt::Write as _;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use trace::Trace;
 use truth::{Exact, Pair, PictureError, Sample, SweepSettings, facing, sweep};
 
@@ -140,10 +140,12 @@ pub(crate) fn run(arguments: &Registration) -> anyhow::Result<()> {
         write(path, csv.as_bytes())?;
     }
     if let Some(path) = &arguments.plot {
-        let picture = plot(&figures).picture();
-        match path.extension().and_then(|extension| extension.to_str()) {
-            Some("svg") => write(path, picture.to_svg().as_bytes())?,
-            _ => write(path, &picture.to_png(PLOT_SCALE))?,
+        for (more, picture) in plots(&figures) {
+            let path = beside(path, more);
+            match path.extension().and_then(|extension| extension.to_str()) {
+                Some("svg") => write(&path, picture.to_svg().as_bytes())?,
+                _ => write(&path, &picture.to_png(PLOT_SCALE))?,
+            }
         }
     }
     say(if arguments.json { json } else { table(&figures) });
@@ -344,27 +346,101 @@ fn write_csv(csv: &mut String, name: &str, samples: &[Sample]) {
     }
 }
 
-fn plot(figures: &Figures) -> Plot {
-    let title = format!(
-        "Registration error of {} recorded heads, {} m away",
-        figures.traces.len(),
-        figures.distance_m
-    );
-    let points = |of: fn(Distribution) -> f64, which: fn(&Both) -> Option<Distribution>| {
-        let point = move |age: &AgeFigures| Some(Point::new(age.age_ms, of(which(&age.both)?)));
-        figures.all.by_age.iter().filter_map(point).collect::<Vec<_>>()
+/// One plot of several: what is added to the file's name, and the picture.
+fn plots(figures: &Figures) -> Vec<(&'static str, Picture)> {
+    let heads = figures.traces.iter().chain((figures.traces.len() > 1).then_some(&figures.all));
+    let title = |what: &str| {
+        format!("{what} of {} recorded heads, {} m away", figures.traces.len(), figures.distance_m)
     };
-    let came = |both: &Both| both.as_it_came.as_ref().map(|d| d.deg);
-    let predicted = |both: &Both| both.predicted.as_ref().map(|d| d.deg);
-    Plot::new(
-        title,
-        Axis::linear("age of the pose when its picture is seen, ms"),
-        Axis::linear("error, degrees"),
-    )
-    .lines("pose as it came, 95 %", points(|d| d.p95, came))
-    .lines("pose as it came, median", points(|d| d.p50, came))
-    .lines("predicted, 95 %", points(|d| d.p95, predicted))
-    .lines("predicted, median", points(|d| d.p50, predicted))
+    let many = |what: &str, plots: &[Plot], columns| Plot::many(&title(what), plots, columns);
+    let by_head = |unit: &str, of: fn(&Displaced) -> Distribution| -> Vec<Plot> {
+        let label = format!("error, {unit}");
+        heads.clone().map(|head| of_head(head, &label, of)).collect()
+    };
+    let mut all = vec![
+        ("", many("Registration error", &by_head("degrees", |d| d.deg), 2)),
+        ("-px", many("Registration error", &by_head(&pixels(figures), |d| d.px), 2)),
+        ("-speed", many("Registration error by speed", &by_speed(&figures.all), 3)),
+    ];
+    if !figures.all.pictures.is_empty() {
+        all.push(("-db", many("Exact pictures", &heads.clone().map(in_decibels).collect::<Vec<_>>(), 2)));
+    }
+    all
+}
+
+fn pixels(figures: &Figures) -> String {
+    format!("pixels of {}x{}", figures.eye_size_px[0], figures.eye_size_px[1])
+}
+
+const AGE: &str = "age of the pose when its picture is seen, ms";
+
+fn came(both: &Both) -> Option<&Displaced> {
+    both.as_it_came.as_ref()
+}
+
+fn predicted(both: &Both) -> Option<&Displaced> {
+    both.predicted.as_ref()
+}
+
+/// Error against the age of the pose, of one head.
+fn of_head(head: &TraceFigures, label: &str, of: fn(&Displaced) -> Distribution) -> Plot {
+    let line = |which: fn(&Both) -> Option<&Displaced>, part: fn(Distribution) -> f64| {
+        let point = move |age: &AgeFigures| Some(Point::new(age.age_ms, part(of(which(&age.both)?))));
+        head.by_age.iter().filter_map(point).collect::<Vec<_>>()
+    };
+    Plot::new(head.trace.clone(), Axis::linear(AGE), Axis::linear(label))
+        .lines("pose as it came, 95 %", line(came, |d| d.p95))
+        .lines("pose as it came, median", line(came, |d| d.p50))
+        .lines("predicted, 95 %", line(predicted, |d| d.p95))
+        .lines("predicted, median", line(predicted, |d| d.p50))
+}
+
+/// Error against the age of the pose, a plot for each class of speeds.
+fn by_speed(all: &TraceFigures) -> Vec<Plot> {
+    let of_class = |from: f64| {
+        let of = |which: fn(&Both) -> Option<&Displaced>, part: fn(Distribution) -> f64| {
+            // Without age there is no error but rounding, which a logarithm would show.
+            let belongs = move |class: &&SpeedFigures| class.from_deg_per_sec == from && class.age_ms > 0.0;
+            let classes = all.by_speed.iter().filter(belongs);
+            let point =
+                move |class: &SpeedFigures| Some(Point::new(class.age_ms, part(which(&class.both)?.deg)));
+            classes.filter_map(point).collect::<Vec<_>>()
+        };
+        let name = match SPEEDS_DEG_PER_SEC.iter().find(|next| **next > from) {
+            Some(next) => format!("{from} to {next} degrees a second"),
+            None => format!("over {from} degrees a second"),
+        };
+        Plot::new(name, Axis::linear(AGE), Axis::log("error, degrees"))
+            .lines("pose as it came, 95 %", of(came, |d| d.p95))
+            .lines("pose as it came, median", of(came, |d| d.p50))
+            .lines("predicted, 95 %", of(predicted, |d| d.p95))
+            .lines("predicted, median", of(predicted, |d| d.p50))
+    };
+    SPEEDS_DEG_PER_SEC.into_iter().map(of_class).collect()
+}
+
+/// What an error does to exact pictures, of one head.
+fn in_decibels(head: &TraceFigures) -> Plot {
+    let line = |of: fn(&PictureFigures) -> Option<Distribution>, part: fn(Distribution) -> f64| {
+        let point = move |at: &PictureFigures| Some(Point::new(at.age_ms, part(of(at)?)));
+        head.pictures.iter().filter_map(point).collect::<Vec<_>>()
+    };
+    let axis = Axis::linear("PSNR against the true view's, dB");
+    Plot::new(head.trace.clone(), Axis::linear(AGE), axis)
+        .lines("pose as it came, median", line(|p| p.as_it_came_psnr_db, |d| d.p50))
+        .lines("pose as it came, least", line(|p| p.as_it_came_psnr_db, |d| d.min))
+        .lines("predicted, median", line(|p| p.predicted_psnr_db, |d| d.p50))
+        .lines("predicted, least", line(|p| p.predicted_psnr_db, |d| d.min))
+}
+
+/// A file beside another: its name with something before the extension.
+fn beside(path: &Path, more: &str) -> PathBuf {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let name = match path.extension() {
+        Some(extension) => format!("{stem}{more}.{}", extension.to_string_lossy()),
+        None => format!("{stem}{more}"),
+    };
+    path.with_file_name(name)
 }
 
 fn table(figures: &Figures) -> String {

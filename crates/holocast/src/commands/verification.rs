@@ -3,7 +3,7 @@
 use crate::cli::{HeadsetArguments, Look};
 use crate::commands::shown::{Shown, load_options, load_volume};
 use crate::terminal::{progress, progress_done};
-use headset::{HeadsetRun, SampledFrame};
+use headset::{FrameRecord, HeadsetRun, SampledFrame};
 use report::{PictureError, Verification, VerifiedFrame};
 use scene::Scene;
 use std::collections::BTreeMap;
@@ -64,7 +64,7 @@ pub(crate) fn verified(known: &Known, run: &HeadsetRun) -> anyhow::Result<Verifi
         let exact = Exact::of_several(volume, &known.shown.others(), scene)?;
         for sampled in sampled {
             progress(format!("exact pictures: {} of {}", frames.len(), same.len()));
-            frames.push(verified_frame(&exact, sampled)?);
+            frames.push(verified_frame(&exact, sampled, &run.frames)?);
         }
     }
     frames.sort_by_key(|verified| verified.frame);
@@ -72,7 +72,13 @@ pub(crate) fn verified(known: &Known, run: &HeadsetRun) -> anyhow::Result<Verifi
     Ok(Verification { frames, skipped: other.len() as u64 })
 }
 
-fn verified_frame(exact: &Exact<'_>, sampled: &SampledFrame) -> anyhow::Result<VerifiedFrame> {
+/// Holds one picture against the exact ones; `records` say how old it was and how the head moved.
+fn verified_frame(
+    exact: &Exact<'_>,
+    sampled: &SampledFrame,
+    records: &[FrameRecord],
+) -> anyhow::Result<VerifiedFrame> {
+    let record = records.iter().find(|record| record.frame == sampled.frame);
     let verdict = exact.verify(&truth::Shown {
         rendered: sampled.rendered,
         seen_from: sampled.seen_from,
@@ -91,5 +97,9 @@ fn verified_frame(exact: &Exact<'_>, sampled: &SampledFrame) -> anyhow::Result<V
         at_display_pose: error(verdict.at_display_pose),
         offset_px: verdict.offset_px,
         display_offset_px: verdict.display_offset_px,
+        age_ms: record.map(|record| record.pose_to_shown_us as f64 * 1e-3),
+        head_deg_per_sec: record.and_then(|record| record.head_deg_per_sec),
+        registration_px: record.and_then(|record| record.registration_px),
+        registration_deg: record.and_then(|record| record.registration_deg),
     })
 }

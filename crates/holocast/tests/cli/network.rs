@@ -253,6 +253,18 @@ fn decoded_pictures_are_held_against_the_exact_ones_and_another_place_is_noticed
     println!("verified: {verification}");
     assert!(worst_db > LEAST_DB, "{worst_db} dB, {verification}");
     assert!(off_px < 1.0, "{off_px} pixels, {verification}");
+    // What was measured is told by how old it was and how fast the head turned, in pixels and degrees.
+    for by in ["by_age_ms", "by_speed_deg_per_sec"] {
+        let classes = verification[by].as_array().unwrap();
+        let pictures = classes.iter().map(|class| class["pictures"].as_u64().unwrap()).sum::<u64>();
+        assert_eq!(pictures, 2, "{verification}");
+        for class in classes {
+            assert!(class["display_psnr_db"]["p50"].as_f64().unwrap() > 10.0, "{verification}");
+            let [px, deg] =
+                ["registration_px", "registration_deg"].map(|of| class[of]["p50"].as_f64().unwrap());
+            assert!(px > 0.0 && deg > 0.0 && deg < 10.0, "{verification}");
+        }
+    }
     assert!(of_headset["registration"]["px"]["count"].as_u64().unwrap() > 10, "{report}");
 
     // The exact pictures of a hologram that stands 3 cm beside the one that is served, 0.9 m away, are some 6 pixels off:

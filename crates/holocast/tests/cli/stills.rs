@@ -210,6 +210,9 @@ fn the_registration_error_is_swept_alike_each_time_and_prediction_gains() {
     assert!(db("predicted_psnr_db") > db("as_it_came_psnr_db") + 3.0, "{pictures}");
     let poses = found["all"]["poses"].as_u64().unwrap() as usize;
     assert_eq!(fs::read_to_string(folder.path("sweep.csv")).unwrap().lines().count(), 1 + 3 * poses);
-    assert!(!png(&folder.path("sweep.png")).1);
+    // By head in degrees, in pixels, by speed, and what it does to pictures.
+    for name in ["sweep.png", "sweep-px.png", "sweep-speed.png", "sweep-db.png"] {
+        assert!(!png(&folder.path(name)).1, "{name}");
+    }
     run(["bench", "registration", "--trace", trace, "--longest-ms", "500"]).failed(&["--longest-ms", "100"]);
 }

@@ -133,6 +133,10 @@ fn verified(frame: u64) -> VerifiedFrame {
         at_display_pose: error(30.0 - 0.2 * frame as f64),
         offset_px: Some(0.05),
         display_offset_px: Some(4.0 + 0.1 * frame as f64),
+        age_ms: Some(30.0 + frame as f64),
+        head_deg_per_sec: Some(5.0 * frame as f64),
+        registration_px: Some(4.1 + 0.1 * frame as f64),
+        registration_deg: Some(0.1 + 0.0025 * frame as f64),
     }
 }
 
