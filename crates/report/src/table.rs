@@ -290,15 +290,8 @@ fn registration(report: &RunReport, out: &mut fmt::Formatter<'_>) -> fmt::Result
 
 /// Verified pictures by the age of their pose and by the speed of the head.
 fn verified_classes(out: &mut fmt::Formatter<'_>, verification: &VerificationReport) -> fmt::Result {
-    let mut table = table(&[
-        "when it was shown",
-        "pictures",
-        "dB as made p50",
-        "dB as shown p50",
-        "shifted by px p50",
-        "computed px p50",
-        "° p50",
-    ]);
+    let mut table =
+        table(&["p50 by class", "pictures", "dB made", "dB shown", "shifted px", "computed px", "°"]);
     let classes = |unit, classes: &[VerifiedClass]| -> Vec<Vec<String>> {
         let p50 =
             |of: Option<Distribution>, places| of.map_or("–".to_owned(), |of| decimals(of.p50, places));
