@@ -96,8 +96,8 @@ impl Quality {
     pub const LEVELS: [(&'static str, Self); 4] =
         [("draft", Self::DRAFT), ("balanced", Self::BALANCED), ("fine", Self::FINE), ("exact", Self::EXACT)];
 
-    /// The same with steps so many times as long; from twice on with no more care than [`Self::DRAFT`] takes, but not with
-    /// less light.
+    /// The same with steps so many times as long; from twice on with no more care than [`Self::DRAFT`] takes, pixels between
+    /// rays included, but not with less light.
     #[must_use]
     pub fn coarser(self, step_scale: f64) -> Self {
         let step_voxels = (self.step_voxels * step_scale).min(64.0);
@@ -155,5 +155,26 @@ impl Quality {
     #[must_use]
     pub fn by_name(name: &str) -> Option<Self> {
         Self::LEVELS.iter().find(|(n, _)| *n == name).map(|(_, q)| *q)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_coarser_takes_no_more_care_than_draft_and_what_takes_no_steps_stays_as_true() {
+        let coarser = Quality::BALANCED.coarser(4.0);
+        assert_eq!(coarser.step_voxels, Quality::DRAFT.step_voxels);
+        assert_eq!(coarser.interpolated_below, Quality::DRAFT.interpolated_below);
+        assert_eq!(coarser.refined_parts, Quality::DRAFT.refined_parts);
+        assert_eq!(coarser.light_weight, Quality::BALANCED.light_weight);
+        assert_eq!(Quality::BALANCED.coarser(1.0), Quality::BALANCED);
+        // Somebody who asked for more than draft's carelessness keeps it.
+        let careless = Quality { interpolated_below: 0.5, ..Quality::BALANCED };
+        assert_eq!(careless.coarser(2.0).interpolated_below, 0.5);
+        for level in [Quality::FINE, Quality::EXACT] {
+            assert_eq!(level.coarser(4.0), Quality { step_voxels: 4.0 * level.step_voxels, ..level });
+        }
     }
 }

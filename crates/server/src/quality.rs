@@ -25,7 +25,8 @@ impl Rung {
 }
 
 /// From all to little. Steps grow to one and a half of a voxel and no further: longer ones lose what is thin, such as a rib,
-/// where fewer rays only blur it. Below the last rung a picture says nothing any more, and on a software driver a frame's
+/// where fewer rays only blur it. From twice the step on rays are spared first where their neighbours agree
+/// ([`render::Quality::coarser`]). Below the last rung a picture says nothing any more, and on a software driver a frame's
 /// fixed cost outweighs its rays (measured: half of the rays take four fifths of the time); then the rate gives way.
 pub const LADDER: [Rung; 12] = [
     Rung::new(1.0, 1.0),
