@@ -43,13 +43,12 @@ impl StoredType {
         }
     }
 
-    /// Most bytes that a sample takes in memory.
+    /// Fewest bytes that a sample takes in memory.
     pub(crate) fn held_bytes(self) -> usize {
         match self {
             Self::U8 => 1,
-            Self::I8 | Self::I16 | Self::U16 => 2,
-            Self::F32 => 4,
-            _ => 8,
+            Self::F32 | Self::F64 => 4,
+            _ => 2,
         }
     }
 
@@ -219,7 +218,7 @@ fn doubles(
         // What is no number is none in float32 either.
         let fits_f32 = |number: &f64| number.is_nan() || f64::from(*number as f32) == *number;
         held = match std::mem::replace(&mut held, Narrowest::I16(Vec::new())) {
-            Narrowest::F32(v) if !scratch.iter().all(fits_f32) => Narrowest::F64(widened(v, run)?),
+            Narrowest::F32(v) if !scratch.iter().all(fits_f32) => Narrowest::F64(widened(v, run, options)?),
             fits => fits,
         };
         match &mut held {
@@ -257,14 +256,16 @@ fn integers<T: Integer, const N: usize>(
         held = match std::mem::replace(&mut held, Narrowest::I16(Vec::new())) {
             Narrowest::I16(v) if !(low.fits_i16() && high.fits_i16()) => {
                 if negative || !high.fits_u16() {
-                    Narrowest::float(v, fit_f32(), run)?
+                    Narrowest::float(v, fit_f32(), run, options)?
                 } else {
                     // No sample was negative: the same bits, and no copy.
                     Narrowest::U16(bytemuck::allocation::cast_vec(v))
                 }
             }
-            Narrowest::U16(v) if !(low.fits_u16() && high.fits_u16()) => Narrowest::float(v, fit_f32(), run)?,
-            Narrowest::F32(v) if !fit_f32() => Narrowest::F64(widened(v, run)?),
+            Narrowest::U16(v) if !(low.fits_u16() && high.fits_u16()) => {
+                Narrowest::float(v, fit_f32(), run, options)?
+            }
+            Narrowest::F32(v) if !fit_f32() => Narrowest::F64(widened(v, run, options)?),
             fits => fits,
         };
         match &mut held {
@@ -297,8 +298,13 @@ impl Narrowest {
         narrow: Vec<T>,
         fit_f32: bool,
         run: &Run<'_>,
+        options: &LoadOptions,
     ) -> Result<Self, LoadError> {
-        if fit_f32 { widened(narrow, run).map(Self::F32) } else { widened(narrow, run).map(Self::F64) }
+        Ok(if fit_f32 {
+            Self::F32(widened(narrow, run, options)?)
+        } else {
+            Self::F64(widened(narrow, run, options)?)
+        })
     }
 }
 
@@ -318,7 +324,9 @@ impl From<Narrowest> for Voxels {
 fn widened<T: Copy + Into<W>, W: bytemuck::Zeroable>(
     mut narrow: Vec<T>,
     run: &Run<'_>,
+    options: &LoadOptions,
 ) -> Result<Vec<W>, LoadError> {
+    options.check_size(run.file, run.count as u128 * size_of::<W>() as u128)?;
     // Zeroed by the system: its pages are not taken before they are written.
     let mut wide = zeroed::<W>(run.file, fitting(run))?;
     wide.truncate(narrow.len());
@@ -428,6 +436,15 @@ mod tests {
     use super::*;
 
     fn read_all(stored: StoredType, order: ByteOrder, bytes: &[u8]) -> Samples {
+        read_with(stored, order, bytes, &LoadOptions::default()).unwrap()
+    }
+
+    fn read_with(
+        stored: StoredType,
+        order: ByteOrder,
+        bytes: &[u8],
+        options: &LoadOptions,
+    ) -> Result<Samples, LoadError> {
         let run = Run {
             file: "test",
             stored,
@@ -436,7 +453,7 @@ mod tests {
             holds_at_most: bytes.len() as u64,
             packed: None,
         };
-        read(&mut &bytes[..], &run, &LoadOptions::default()).unwrap()
+        read(&mut &bytes[..], &run, options)
     }
 
     fn ints(values: &[i32]) -> Samples {
@@ -450,6 +467,21 @@ mod tests {
         assert_eq!(ints(&[0, 65535, 3]).voxels, Voxels::U16(vec![0, 65535, 3].into()));
         assert_eq!(ints(&[-1, 65535]).voxels, Voxels::F32(vec![-1.0, 65535.0].into()));
         assert_eq!(ints(&[0, 65536]).voxels, Voxels::F32(vec![0.0, 65536.0].into()));
+    }
+
+    #[test]
+    fn memory_is_refused_for_what_values_need_not_for_what_the_file_might_hold() {
+        let read = |values: [i32; 3], max_bytes| {
+            let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_be_bytes()).collect();
+            let options = LoadOptions { max_bytes, ..LoadOptions::default() };
+            read_with(StoredType::I32, ByteOrder::Big, &bytes, &options)
+        };
+        assert!(read([0, 1, 2], 6).is_ok());
+        assert!(read([0, 1 << 16, 2], 12).is_ok());
+        for (values, found) in [([0, 1 << 16, 2], 12), ([0, (1 << 24) + 1, 2], 24)] {
+            let Err(LoadError::TooLarge { found: told, .. }) = read(values, found - 1) else { panic!() };
+            assert_eq!(told, u128::from(found));
+        }
     }
 
     #[test]
@@ -483,7 +515,7 @@ mod tests {
             packed: None,
         };
         let narrow: Vec<i16> = (0..run.count).map(|i| (i % 30_011) as i16).collect();
-        let wide: Vec<f32> = widened(narrow, &run).unwrap();
+        let wide: Vec<f32> = widened(narrow, &run, &LoadOptions::default()).unwrap();
         assert_eq!(wide.len(), run.count);
         assert!(wide.iter().enumerate().all(|(i, &w)| w == (i % 30_011) as f32));
     }

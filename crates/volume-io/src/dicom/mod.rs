@@ -445,14 +445,16 @@ impl Reading<'_> {
             return self.read_slice(before, here);
         }
         let mut pair = [zeroed(self.path, slice_length)?, zeroed(self.path, slice_length)?];
-        let mut worst = 0.0f64;
         for (slice, place) in (before..).zip(&mut pair) {
-            worst = worst.max(self.read_slice(slice, place)?);
+            self.read_slice(slice, place)?;
         }
         let [a, b] = pair;
+        // Of what is between the slices: that may lose what neither of them does.
+        let mut worst = 0.0f64;
         for (&(_, part), place) in between.iter().zip(here.chunks_exact_mut(slice_length)) {
             for ((place, &a), &b) in place.iter_mut().zip(&a).zip(&b) {
                 *place = T::mixed(a, b, part);
+                worst = worst.max(place.lost_as_single());
             }
         }
         Ok(worst)

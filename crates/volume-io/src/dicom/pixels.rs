@@ -139,6 +139,8 @@ pub(super) trait Held: bytemuck::Pod + Send + Sync {
     const BITS: Option<u32>;
     /// The number, or its value; the second result is what float32 of it would lose.
     fn of(number: i64, scale: [f64; 2]) -> (Self, f64);
+    /// What float32 of it would lose.
+    fn lost_as_single(self) -> f64;
     /// The number in the bits of a sample that was read as it is.
     fn trimmed(self, layout: &Layout) -> Self;
     /// Between two samples.
@@ -151,6 +153,9 @@ macro_rules! held {
             const BITS: Option<u32> = Some(<$t>::BITS);
             fn of(number: i64, _: [f64; 2]) -> (Self, f64) {
                 (number as $t, 0.0)
+            }
+            fn lost_as_single(self) -> f64 {
+                0.0
             }
             fn trimmed(self, layout: &Layout) -> Self {
                 layout.number(u32::from(self as $unsigned)) as $t
@@ -171,7 +176,10 @@ impl Held for f64 {
     const BITS: Option<u32> = None;
     fn of(number: i64, [slope, intercept]: [f64; 2]) -> (Self, f64) {
         let value = slope * number as f64 + intercept;
-        (value, (f64::from(volume::single(value)) - value).abs())
+        (value, value.lost_as_single())
+    }
+    fn lost_as_single(self) -> f64 {
+        (f64::from(volume::single(self)) - self).abs()
     }
     fn trimmed(self, _: &Layout) -> Self {
         self

@@ -572,6 +572,19 @@ fn slopes_of_each_slice_are_applied_to_the_bit() {
 }
 
 #[test]
+fn what_float32_loses_of_slices_between_slices_is_told() {
+    // Whole numbers in both slices, thirds between them.
+    let slice = |z: f64, slope: &str| Slice::at(z, 1).with(0x0028, 0x1053, "DS", slope);
+    let slices = [slice(0.0, "1"), slice(1.0, "1"), slice(4.0, "2"), slice(5.0, "1")];
+    let loaded = parts(&slices).unwrap();
+    let found = column(&loaded);
+    assert!((found[2] - 4.0 / 3.0).abs() < 1e-12, "{found:?}");
+    let lost = found.iter().map(|v| (f64::from(*v as f32) - v).abs()).fold(0.0, f64::max);
+    assert!(lost > 0.0);
+    assert_noted(&loaded, &format!("draws from float32 of them, off by at most {lost:.3e}"));
+}
+
+#[test]
 fn one_slice_has_the_thickness_that_the_file_says() {
     let slice = Slice::at(0.0, 1).with(0x0018, 0x0050, "DS", "2.5");
     assert_eq!(parts(&[slice]).unwrap().volume.grid().spacing_mm().z, 2.5);
