@@ -4,7 +4,9 @@
 // Count rays: pixels that have none stay empty.
 override COUNT: bool = false;
 
-// How steep a surface may be for depths between rays to be interpolated: millimetres of depth over millimetres across.
+// How steep a surface may be for depths between rays to be interpolated: millimetres of depth over millimetres across. Two
+// rays stand two pixels apart, so that a depth between them is off by at most four pixels' width, and an eye that moves
+// aside by an eighth of the distance sees it at most half a pixel off.
 const STEEPEST: f32 = 4.0;
 
 struct Work {
@@ -59,14 +61,17 @@ fn spread(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
     let b = textureLoad(first_picture, right, eye, 0);
     let c = textureLoad(first_picture, below, eye, 0);
     let d = textureLoad(first_picture, across, eye, 0);
-    let a_mm = textureLoad(first_depth_mm, place, eye, 0).r;
-    put(pixel, eye, a, a_mm);
+    let mm = vec4<f32>(textureLoad(first_depth_mm, place, eye, 0).r, textureLoad(first_depth_mm, right, eye, 0).r,
+        textureLoad(first_depth_mm, below, eye, 0).r, textureLoad(first_depth_mm, across, eye, 0).r);
+    put(pixel, eye, a, mm.x);
     let lowest = min(min(a, b), min(c, d));
     let highest = max(max(a, b), max(c, d));
     // A tile that sees nothing is not listed: what lies between something and nothing is never interpolated, so that a
     // picture is the same whether such tiles are left out or not.
     let alike = (lowest.a > 0.0 || highest.a <= 0.0) && all(highest - lowest <= vec4<f32>(frame.interpolated_below));
-    if (!alike || any(place == last)) {
+    // Nor between a depth and none: a mean of opacities would say one thing and its depth another.
+    let has_depth = mm > vec4<f32>(0.0);
+    if (!alike || any(has_depth) != all(has_depth) || any(place == last)) {
         let at = atomicAdd(&rest.pixel_count, 3u);
         rest.pixels[at] = tile_number(pixel + vec2<u32>(1u, 0u), eye);
         rest.pixels[at + 1u] = tile_number(pixel + vec2<u32>(0u, 1u), eye);
@@ -77,19 +82,17 @@ fn spread(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
         atomicMax(&rest.groups_z, 1u);
         return;
     }
-    var mm = vec3<f32>(a_mm);
-    let b_mm = textureLoad(first_depth_mm, right, eye, 0).r;
-    let c_mm = textureLoad(first_depth_mm, below, eye, 0).r;
-    let d_mm = textureLoad(first_depth_mm, across, eye, 0).r;
-    let nearest = min(min(a_mm, b_mm), min(c_mm, d_mm));
-    let farthest = max(max(a_mm, b_mm), max(c_mm, d_mm));
+    // As far apart as two rays are at the nearest of the depths, along each direction. Depths are along the rays, so that they
+    // are taken as parts of the direction of the pixel in the middle of the four.
     let e = frame.eyes[eye];
-    let apart = 2.0 * nearest * length(e.ray_dx_mm) / (f32(frame.render_size.x) * length(e.ray_mm));
+    let xy = (vec2<f32>(pixel) + 1.5) / vec2<f32>(frame.render_size) - 0.5;
+    let away = min(min(mm.x, mm.y), min(mm.z, mm.w)) / length(e.ray_mm + xy.x * e.ray_dx_mm + xy.y * e.ray_dy_mm);
+    let apart = 2.0 * away * vec2<f32>(length(e.ray_dx_mm), length(e.ray_dy_mm)) / vec2<f32>(frame.render_size);
     // Surfaces that part are not bridged: the pixels take a ray's own depth.
-    if (nearest > 0.0 && farthest - nearest <= STEEPEST * apart) {
-        mm = vec3<f32>(0.5 * (a_mm + b_mm), 0.5 * (a_mm + c_mm), 0.25 * ((a_mm + b_mm) + (c_mm + d_mm)));
-    }
-    put(pixel + vec2<u32>(1u, 0u), eye, 0.5 * (a + b), mm.x);
-    put(pixel + vec2<u32>(0u, 1u), eye, 0.5 * (a + c), mm.y);
-    put(pixel + vec2<u32>(1u, 1u), eye, 0.25 * ((a + b) + (c + d)), mm.z);
+    let joined = abs(mm.xzxy - mm.ywzw) <= STEEPEST * apart.xxyy;
+    let between = select(mm.xxx, vec3<f32>(0.5 * (mm.x + mm.y), 0.5 * (mm.x + mm.z), 0.25 * ((mm.x + mm.y) + (mm.z + mm.w))),
+        vec3<bool>(joined.x, joined.z, all(joined)));
+    put(pixel + vec2<u32>(1u, 0u), eye, 0.5 * (a + b), between.x);
+    put(pixel + vec2<u32>(0u, 1u), eye, 0.5 * (a + c), between.y);
+    put(pixel + vec2<u32>(1u, 1u), eye, 0.25 * ((a + b) + (c + d)), between.z);
 }
