@@ -2,8 +2,8 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot set itself up has failed")]
 
 use render::{
-    DepthGridSize, Gpu, Placed, Quality, SceneOnDevice, StereoPlan, StereoRequest, Still, StillRenderer,
-    VolumeOnDevice,
+    DepthGridSize, FrameRenderer, Gpu, Placed, Quality, SceneOnDevice, StereoPlan, StereoRequest, Still,
+    StillRenderer, VolumeOnDevice,
 };
 use scene::{SceneFile, VolumeFacts};
 use spatial::{DVec3, EyeView, Fov, HeadGeometry, Pose};
@@ -286,4 +286,36 @@ fn depths_of_surfaces_that_part_are_not_mixed() {
         }
     }
     assert!(edges > 100, "{edges} pixels beside an edge");
+}
+
+/// What a frame leaves on the device is not seen in the next.
+#[test]
+fn frames_that_follow_each_other_are_as_frames_by_themselves() {
+    let shown = Shown::new(
+        r#"{"transfer": [[0,0,0,0,0],[100,0.9,0.5,0.3,0],[140,0.9,0.6,0.4,0.4],[255,1,1,1,0.9]], "shade": true}"#,
+    );
+    let middle = DVec3::splat(f64::from(SIDE) / 2.0);
+    let head = Pose::looking_at(middle + DVec3::new(70.0, 20.0, -60.0), middle, DVec3::Y).unwrap();
+    let others = HeadGeometry::parallel(6.0, Fov::symmetric(0.5, 0.4).unwrap()).view(&head).eyes;
+    // Even, as what is encoded has to be; half as many rays are odd.
+    let (large, small) = ([66, 46], [34, 22]);
+    let half = Quality { resolution_scale: 0.5, ..Quality::DRAFT };
+    let plans = [
+        shown.plan_of(&shown.eyes, large, Quality::BALANCED),
+        shown.plan_of(&shown.eyes, large, Quality::DRAFT),
+        shown.plan_of(&others, small, Quality::DRAFT),
+        shown.plan_of(&shown.eyes, large, Quality::DRAFT),
+        shown.plan_of(&others, large, half),
+        shown.plan_of(&shown.eyes, large, Quality::BALANCED),
+    ];
+    let mut renderer = FrameRenderer::new(gpu(), 1).unwrap();
+    for (i, plan) in plans.iter().enumerate() {
+        let mut alone = FrameRenderer::new(gpu(), 1).unwrap();
+        let [found, expected] = [&mut renderer, &mut alone].map(|renderer| {
+            let frame = renderer.submit(&shown.scene, plan).unwrap().finish().unwrap();
+            (frame.planes().to_vec(), frame.depth_grid_mm())
+        });
+        assert!(expected.1.iter().filter(|&&mm| mm > 0).count() > 50, "frame {i}: {:?}", expected.1);
+        assert!(found == expected, "frame {i}");
+    }
 }
