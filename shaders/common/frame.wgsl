@@ -35,7 +35,7 @@ struct Frame {
     dims: vec3<f32>,
     // value = raw * value_scale + value_offset, raw as the texture gives it.
     value_scale: f32,
-    // Cells of 8 voxels along each axis.
+    // Cells of 4 voxels along each axis.
     cells: vec3<u32>,
     value_offset: f32,
     // Takes a gradient in index space to millimetres, up to a common factor.

@@ -6,7 +6,8 @@ use crate::Still;
 /// own, so that those which make pictures are as they would be without.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Rays of tiles that may see something; no other ray is cast.
+    /// Rays that were cast, all of them in tiles that may see something: one a pixel, or fewer where pixels between rays
+    /// are interpolated.
     pub rays: u64,
     /// Values looked at along the rays, those of crossings that are refined among them. With [`crate::Sampling::Cells`],
     /// voxel cells whose eight corners were read; of labels, voxels.

@@ -1,5 +1,6 @@
-//! How far a picture may be off, and why. Nothing here was found by trying until tests passed: each number follows from
-//! what it is derived from, and what a level cannot hold is told by name, here and in `docs/picture.md`.
+//! How far a picture may be off, and why. No number was found by trying until tests passed: each follows from what it is
+//! derived from. Those of `draft` alone are measured, since nothing is asked of it. What a level cannot hold is told by
+//! name, here and in `docs/picture.md`.
 
 use reference::Tolerance;
 
@@ -19,9 +20,9 @@ pub(crate) const FINE_COLOR: f64 = 3.0 * STEP_OF_8_BITS;
 /// At the level `balanced`, decibels: a mean square error of 1.4 steps of 8 bits, below what video coding adds.
 pub(crate) const BALANCED_DB: f64 = 45.0;
 
-/// At the level `draft`, decibels: what its worst pictures of the suite have, 24.8 and 16.9, rounded down as `docs/accuracy.md` tells
-/// them. Nothing was asked of
-/// it but that it be known. By what is shown: surfaces and maxima of noise lose what lies between two samples.
+/// At the level `draft`, decibels: what its worst pictures of the suite have, 24.8 and 16.9, rounded down. Measured, not
+/// derived: all that is asked of it is that it be known (`docs/accuracy.md`). By what is shown: surfaces and maxima of noise
+/// lose what lies between two samples.
 pub(crate) const DRAFT_DB: f64 = 24.0;
 pub(crate) const DRAFT_NOISE_DB: f64 = 16.0;
 
