@@ -79,11 +79,17 @@ pub(crate) struct GpuStretch {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::shaders::{self, PartKind};
+    use crate::targets::{GROUPS_OF_FOUR_AT, WORK_HEAD_BYTES};
     use std::mem::{offset_of, size_of};
 
     /// Members of a WGSL struct (name, offset in bytes) and its size, as naga lays it out.
     fn wgsl_struct(name: &str) -> (Vec<(String, u32)>, u32) {
-        let module = naga::front::wgsl::parse_str(crate::shaders::RAYCAST).unwrap();
+        wgsl_struct_in(shaders::RAYCAST, name)
+    }
+
+    fn wgsl_struct_in(text: &str, name: &str) -> (Vec<(String, u32)>, u32) {
+        let module = naga::front::wgsl::parse_str(text).unwrap();
         let (_, found) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(name)).unwrap();
         let naga::TypeInner::Struct { members, span } = &found.inner else { panic!("{name} is no struct") };
         (members.iter().map(|m| (m.name.clone().unwrap(), m.offset)).collect(), *span)
@@ -114,5 +120,27 @@ mod tests {
         let rust = members!(GpuStretch: value_from, value_to, opacity_from, opacity_to, color_from, per_value,
             color_to, seen_before);
         assert_eq!(wgsl_struct("Stretch"), (rust, size_of::<GpuStretch>() as u32));
+    }
+
+    #[test]
+    fn lists_of_work_lie_in_memory_as_every_shader_has_them() {
+        let kinds = [PartKind { labels: false, many_labels: false, lit: false }; 2];
+        let (several, several_tiles) = (shaders::several(&kinds), shaders::several_tiles(kinds.len()));
+        for (what, text, name, fours, entries) in [
+            ("tiles", shaders::TILES, "Work", "fours_x", "tiles"),
+            ("tiles of several", &several_tiles, "Work", "fours_x", "tiles"),
+            ("raycast", shaders::RAYCAST, "Work", "groups_of_four", "tiles"),
+            ("several", &several, "Work", "groups_of_four", "tiles"),
+            ("spread", shaders::SPREAD, "Work", "groups_of_four", "tiles"),
+            ("spread", shaders::SPREAD, "Rest", "unused_x", "pixels"),
+        ] {
+            let (members, _) = wgsl_struct_in(text, name);
+            let at = |member: &str| members.iter().find(|(n, _)| n == member).map(|(_, at)| u64::from(*at));
+            assert_eq!(at(fours), Some(GROUPS_OF_FOUR_AT), "{what}: {name}.{fours}");
+            assert_eq!(at(entries), Some(WORK_HEAD_BYTES), "{what}: {name}.{entries}");
+            // What is dispatched comes first, then how many entries there are.
+            let count = if name == "Rest" { "pixel_count" } else { "tile_count" };
+            assert_eq!((members[0].1, at(count)), (0, Some(12)), "{what}: {name}");
+        }
     }
 }

@@ -8,10 +8,10 @@ use crate::pipelines::{DEPTH_FORMAT, MASK_FORMAT, PICTURE_FORMAT};
 /// Rays along each side of a tile. The shader has the same number.
 const TILE: u32 = 8;
 /// Bytes of a list of work before its tiles or pixels: how many workgroups to dispatch, how many entries there are, and
-/// how many workgroups where each takes four tiles.
-const WORK_HEAD_BYTES: u64 = 28;
+/// how many workgroups where each takes four tiles. A test compares the shaders.
+pub(crate) const WORK_HEAD_BYTES: u64 = 28;
 /// Where the second number of workgroups lies.
-const GROUPS_OF_FOUR_AT: u64 = 16;
+pub(crate) const GROUPS_OF_FOUR_AT: u64 = 16;
 
 /// The picture, its depths, and what is made of them. Frames follow each other on the device, so one set serves all:
 /// it is as large as the largest of them.
