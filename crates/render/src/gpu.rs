@@ -7,6 +7,9 @@ use wgpu::util::DeviceExt as _;
 /// Most samples along the longest way through a volume: beyond, float32 cannot number them.
 const MOST_SAMPLES: u32 = 1_048_576;
 
+/// Storage textures of the shader that has most, `tiles.wgsl`; Vulkan and WebGPU promise 4.
+pub(crate) const STORAGE_TEXTURES: u32 = 5;
+
 /// What a person wants to know about an adapter.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AdapterFacts {
@@ -91,6 +94,15 @@ impl Gpu {
             return Err(OpenError::Lacks {
                 adapter: facts.name,
                 missing: format!("the features {missing:?}"),
+            });
+        }
+        let storage_textures = adapter.limits().max_storage_textures_per_shader_stage;
+        if storage_textures < STORAGE_TEXTURES {
+            return Err(OpenError::Lacks {
+                adapter: facts.name,
+                missing: format!(
+                    "storage textures: a shader writes to {STORAGE_TEXTURES}, and it allows {storage_textures}"
+                ),
             });
         }
         let wanted = wgpu::Features::TIMESTAMP_QUERY;

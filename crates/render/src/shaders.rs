@@ -294,6 +294,14 @@ mod tests {
     }
 
     #[test]
+    fn no_shader_has_more_storage_textures_than_a_device_is_asked_for() {
+        let several = [several_tiles(MOST_VOLUMES), several(&KINDS[..MOST_VOLUMES])];
+        let texts = ALL.iter().map(|(_, text)| *text).chain(several.iter().map(String::as_str));
+        let most = texts.map(|text| text.matches(": texture_storage_").count()).max();
+        assert_eq!(most, Some(crate::gpu::STORAGE_TEXTURES as usize));
+    }
+
+    #[test]
     fn every_shader_file_is_used() {
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shaders");
         let all = ALL.map(|(_, text)| text).concat() + SEVERAL + SEVERAL_TILES;
