@@ -34,8 +34,8 @@ fn eyes_without_distance_see_the_same_and_a_pair_is_two_single_eyes_to_the_bit()
         let file = scene::SceneFile::from_json(&json).unwrap();
         let scene = file.resolve(&scene::VolumeFacts::of(&v)).unwrap();
         let shown = Shown::of_scene(v.clone(), scene);
-        for quality in levels() {
-            let what = format!("{look}, {:?}", quality.sampling);
+        for quality in levels().into_iter().chain([Quality::DRAFT]) {
+            let what = format!("{look}, {quality:?}");
             let same = shown.still(&together, size, quality, None);
             assert!(same.eye(0) == same.eye(1) && same.eye_depth_mm(0) == same.eye_depth_mm(1), "{what}");
             assert!(same.rgba.iter().any(|p| p[3] > 0.1), "{what}: something is seen");
