@@ -74,6 +74,10 @@ const MISTAKE: Duration = Duration::from_secs(3);
 /// The least part of a frame's cost that is taken to go with its rays and samples when a step up is weighed, whatever two
 /// measurements seem to say.
 const LEAST_VARIABLE: f64 = 0.2;
+/// How long after a change the load there is held against that before it.
+const MEASURE: Duration = Duration::from_secs(1);
+/// What that has told is forgotten after this time: what is drawn may be another thing by now.
+const FORGET: Duration = Duration::from_secs(30);
 /// A step up that has held for this long was none, and patience is forgotten.
 const PROVEN: Duration = Duration::from_secs(20);
 
@@ -84,8 +88,10 @@ pub struct QualityController {
     rung: usize,
     patience: Duration,
     changed_at: Option<ServerTime>,
-    /// Cost of the rung before this one, and the load there: with the load here, what part of a frame is always the same.
+    /// Cost of the rung before this one, and the load there when it was left.
     before: Option<(f64, f64)>,
+    /// What part of the load here goes with the cost, as the last change has shown.
+    variable: Option<f64>,
     raised_at: Option<ServerTime>,
     room_since: Option<ServerTime>,
 }
@@ -98,6 +104,7 @@ impl Default for QualityController {
             patience: PATIENCE,
             changed_at: None,
             before: None,
+            variable: None,
             raised_at: None,
             room_since: None,
         }
@@ -126,7 +133,8 @@ impl QualityController {
         let Rung { resolution_scale, .. } = self.rung();
         // Every resolution is on both; of the topmost one the rung with all steps.
         self.rung = ladder.iter().position(|r| r.resolution_scale <= resolution_scale).unwrap_or_default();
-        (self.ladder, self.changed_at, self.before, self.room_since) = (ladder, Some(now), None, None);
+        (self.ladder, self.changed_at, self.room_since) = (ladder, Some(now), None);
+        (self.before, self.variable) = (None, None);
     }
 
     /// Takes a measurement: `load` is the part of the device's time that all sessions' frames would take at their full
@@ -135,6 +143,7 @@ impl QualityController {
         if self.changed_at.is_some_and(|at| now.since(at) < SETTLE) {
             return false;
         }
+        self.measure(now, load);
         if load > TOO_MUCH {
             self.room_since = None;
             return self.lower(now, load);
@@ -180,16 +189,29 @@ impl QualityController {
         true
     }
 
+    /// Learns from the load on both sides of a change what part of it goes with the cost. Only soon after the change: later
+    /// the two are loads of different things.
+    fn measure(&mut self, now: ServerTime, load: f64) {
+        let since = self.changed_at.map(|at| now.since(at));
+        if since.is_some_and(|since| since >= FORGET) {
+            self.variable = None;
+        }
+        let (Some((cost_before, load_before)), Some(since)) = (self.before, since) else { return };
+        if since >= MEASURE {
+            self.before = None;
+        } else if load > 0.0 {
+            let here = self.rung().cost();
+            let part = (load_before - load) / (cost_before - here) * here / load;
+            self.variable = Some(part.clamp(LEAST_VARIABLE, 1.0));
+        }
+    }
+
     /// What the load would be at another cost. A part of each frame costs the same on every rung, such as converting and
-    /// reading back; whoever took all of it to grow with the rays would never go up the last rungs.
+    /// reading back; whoever took all of it to grow with the rays would never go up the last rungs. Where nothing is known
+    /// of it, a step up is tried: one that is taken back tells.
     fn expected_load(&self, load: f64, cost: f64) -> f64 {
-        let here = self.rung().cost();
-        let most = load / here;
-        let slope = match self.before {
-            Some((cost_before, load_before)) => (load_before - load) / (cost_before - here),
-            None => most,
-        };
-        load + slope.clamp(LEAST_VARIABLE * most, most) * (cost - here)
+        let variable = self.variable.unwrap_or(LEAST_VARIABLE);
+        load * (1.0 + variable * (cost / self.rung().cost() - 1.0))
     }
 }
 
@@ -262,13 +284,32 @@ mod tests {
 
     #[test]
     fn quality_comes_back_to_the_best_that_holds_although_a_part_of_each_frame_costs_the_same_everywhere() {
-        for (fixed, best) in [(0.1, LADDER[0]), (0.3, LADDER[0]), (0.4, LADDER[1])] {
+        for (fixed, best) in [(0.1, LADDER[0]), (0.3, LADDER[0]), (0.4, LADDER[1]), (0.45, LADDER[2])] {
             let load = |t: f64, cost: f64| if t < 5.0 { 0.3 + 9.0 * cost } else { fixed + 0.29 * cost };
             let (controller, changes) = run(120.0, load);
             assert_eq!(controller.rung(), best, "fixed part {fixed}: {changes:?}");
             let late = changes.iter().filter(|(t, _)| *t > 60.0).count();
             assert_eq!(late, 0, "fixed part {fixed}: {changes:?}");
         }
+    }
+
+    #[test]
+    fn quality_comes_back_after_another_scene_of_which_nothing_is_known() {
+        let (mut controller, _) = run(2.0, |_, cost| 0.3 + 9.0 * cost);
+        assert!(controller.rung().resolution_scale < 0.5);
+        controller.draws(at(2.0), false);
+        for i in 0..7500 {
+            let load = 0.44 + 0.05 * controller.rung().cost();
+            controller.update(at(2.0 + f64::from(i) * 0.016), load);
+        }
+        assert_eq!(controller.rung(), LADDER_WITHOUT_STEPS[0]);
+    }
+
+    #[test]
+    fn a_change_that_came_with_another_load_is_not_held_against_it_for_good() {
+        // The load falls just when the rung does: all of it seems to go with the rays.
+        let (controller, changes) = run(120.0, |t, cost| if t < 0.01 { 9.3 } else { 0.45 + 0.29 * cost });
+        assert_eq!(controller.rung(), LADDER[2], "{changes:?}");
     }
 
     #[test]
