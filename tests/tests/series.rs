@@ -10,7 +10,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 use volume::Volume;
 
-const STEPS: u32 = 4;
+/// A prime: where making a step takes as long as several are on view, each is seen all the same, some rounds later.
+const STEPS: u32 = 5;
 /// As for a still picture of one volume: the encoder has nothing left to add.
 const STILL: Likeness = Likeness { luma_db: 48.0, chroma_db: 48.0 };
 /// Two steps after each other are less alike than this, whatever the codec did.
@@ -57,7 +58,7 @@ async fn the_step_that_is_asked_for_is_the_picture_that_comes() {
     let room = room(&steps, &standing());
     let mut viewer = Viewer::join(&room, "viewer").await;
     assert_eq!(viewer.frame_after(0).await.received.header.time_step, 0);
-    for wanted in [2, 1, 3, 0] {
+    for wanted in [2, 1, 4, 3, 0] {
         let scene = playing(0.0, Some(wanted));
         viewer.headset.change_scene(&scene).unwrap();
         let frame = viewer.frame_of_step(wanted, CONVERGED).await;
@@ -78,7 +79,7 @@ async fn the_step_that_is_asked_for_is_the_picture_that_comes() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_play_goes_round_and_stays_where_it_is_when_the_scene_plays_no_more() {
-    let room = room(&growing(STEPS), &playing(8.0, None));
+    let room = room(&growing(STEPS), &playing(2.0, None));
     let mut viewer = Viewer::join(&room, "viewer").await;
     let (mut seen, mut changes) = (Vec::new(), 0);
     while changes < 2 * STEPS {
@@ -91,9 +92,10 @@ async fn a_play_goes_round_and_stays_where_it_is_when_the_scene_plays_no_more() 
     }
     println!("steps {seen:?}");
     assert!((0..STEPS).all(|step| seen.contains(&step)), "some step is never seen: {seen:?}");
-    // A busy machine leaves steps out; were they shown in the wrong order, most would be three on.
-    let advance: u32 = seen.windows(2).map(|w| (w[1] + STEPS - w[0]) % STEPS).sum();
-    assert!(advance < 2 * changes, "{advance} steps in {changes} changes: {seen:?}");
+    // A busy machine leaves steps out; were they shown in the wrong order, most would be three or four on.
+    let advances = seen.windows(2).map(|w| (w[1] + STEPS - w[0]) % STEPS);
+    let ahead = advances.filter(|&advance| advance <= STEPS / 2).count();
+    assert!(2 * ahead > seen.len() - 1, "{ahead} steps lead ahead: {seen:?}");
 
     viewer.headset.change_scene(&standing()).unwrap();
     let stays = viewer.frame_of_scene(1, 0).await.received.header.time_step;
@@ -116,13 +118,13 @@ async fn a_play_begins_with_the_step_that_it_is_to_begin_with() {
     // Slow, so that also a busy machine sees each of them.
     viewer.headset.change_scene(&playing(1.0, Some(2))).unwrap();
     let mut seen = vec![0];
-    while seen.len() < 4 {
+    while seen.len() < 5 {
         let step = viewer.frame_after(0).await.received.header.time_step;
         if seen.last() != Some(&step) {
             seen.push(step);
         }
     }
-    assert_eq!(seen, [0, 2, 3, 0]);
+    assert_eq!(seen, [0, 2, 3, 4, 0]);
     viewer.leave().await;
     room.shutdown().await;
 }
@@ -130,8 +132,8 @@ async fn a_play_begins_with_the_step_that_it_is_to_begin_with() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_play_stands_while_nobody_looks() {
     // What would be loaded meanwhile, if it did not.
-    const MEANWHILE: Duration = Duration::from_millis(500);
-    let (room, loads) = counting_room(&growing(STEPS), &playing(20.0, Some(2)));
+    const MEANWHILE: Duration = Duration::from_secs(1);
+    let (room, loads) = counting_room(&growing(STEPS), &playing(4.0, Some(2)));
     let loads = || loads.load(Ordering::Relaxed);
     // The first step is made for whoever comes.
     until("the first step is there", || loads() == 1).await;
@@ -143,7 +145,7 @@ async fn a_play_stands_while_nobody_looks() {
     viewer.leave().await;
     room.is_empty().await;
     let when_it_left = loads();
-    assert!(when_it_left >= 4, "{when_it_left}");
+    assert!(when_it_left >= 3, "{when_it_left}");
     tokio::time::sleep(MEANWHILE).await;
     // One may have been in the making.
     assert!(loads() <= when_it_left + 1, "{} after {when_it_left}", loads());
@@ -221,7 +223,7 @@ async fn a_step_that_cannot_be_loaded_is_left_out_and_a_series_of_none_stands_st
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn what_cannot_be_played_is_refused_with_the_reason() {
     let series = room(&growing(STEPS), &standing());
-    refused(&series, &playing(5.0, Some(STEPS)), &["play.from", "0 to 3", "4"]).await;
+    refused(&series, &playing(5.0, Some(STEPS)), &["play.from", "0 to 4", "5"]).await;
     series.shutdown().await;
     let alone = TestServer::start(subject(), &standing(), generous());
     refused(&alone, &playing(5.0, None), &["play", "series in time"]).await;
