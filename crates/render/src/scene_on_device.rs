@@ -229,6 +229,12 @@ impl SceneOnDevice {
         Ok(())
     }
 
+    /// Whether frames of this quality need nothing to be compiled that those of another scene do not need.
+    #[must_use]
+    pub fn is_drawn_as(&self, other: &Self, quality: &Quality) -> bool {
+        Features::of(&self.numbers, quality) == Features::of(&other.numbers, quality)
+    }
+
     /// What several volumes need, if there is more to show than the first alone.
     pub(crate) fn several(&self) -> Option<&Several> {
         self.several.as_ref()

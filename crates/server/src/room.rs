@@ -42,11 +42,13 @@ impl Volumes {
         Self { on_device: vec![volume], facts, others: Vec::new(), series: None }
     }
 
+    /// A scene that is ready to be drawn: what it needs is compiled, unless it is what the scene on view needs too.
     fn make(
         &self,
         gpu: &Arc<Gpu>,
         quality: &Quality,
         file: &SceneFile,
+        on_view: Option<&SceneOnDevice>,
     ) -> Result<Arc<SceneOnDevice>, SceneChangeError> {
         if let Some(play) = &file.play {
             play.check_among(self.series.as_ref().map(Series::steps))?;
@@ -55,7 +57,10 @@ impl Volumes {
         let scene = SceneOnDevice::of_several(gpu, &self.on_device, &scene)?;
         // What the ladder may come to needs other pipelines than what was asked for.
         for step_scale in [1.0, 2.0] {
-            scene.prepare(&quality.coarser(step_scale))?;
+            let quality = quality.coarser(step_scale);
+            if !on_view.is_some_and(|on_view| scene.is_drawn_as(on_view, &quality)) {
+                scene.prepare(&quality)?;
+            }
         }
         Ok(Arc::new(scene))
     }
@@ -129,7 +134,7 @@ impl Room {
         quality: Quality,
         file: &SceneFile,
     ) -> Result<Self, SceneChangeError> {
-        let scene = volumes.make(gpu, &quality, file)?;
+        let scene = volumes.make(gpu, &quality, file, None)?;
         let time_step = volumes.series.as_ref().map_or(0, Series::loaded);
         let mut making = Making { volumes, file: SceneFile::default(), play: None, plays: 0, former: None };
         making.shows(file, time_step);
@@ -155,15 +160,21 @@ impl Room {
         if let Some(volume) = &file.volume {
             return Err(SceneChangeError::Volume(volume.display().to_string()));
         }
-        let scene = making.volumes.make(&self.gpu, &self.quality, &file)?;
-        let (revision, time_step) = {
-            let mut shown = self.shown.write().unwrap_or_else(PoisonError::into_inner);
-            *shown = Shown { scene, revision: shown.revision + 1, ..*shown };
-            (shown.revision, shown.time_step)
-        };
-        making.shows(&file, time_step);
+        let scene = making.volumes.make(&self.gpu, &self.quality, &file, None)?;
+        let former = self.swap(|shown| Shown { scene, revision: shown.revision + 1, ..*shown });
+        let revision = former.revision + 1;
+        making.shows(&file, former.time_step);
         announce(revision);
+        drop(making);
+        drop(former);
         Ok(revision)
+    }
+
+    /// Shows something else. What was on view is given back, so that nobody who draws waits until it is freed.
+    fn swap(&self, next: impl FnOnce(&Shown) -> Shown) -> Shown {
+        let mut shown = self.shown.write().unwrap_or_else(PoisonError::into_inner);
+        let next = next(&shown);
+        std::mem::replace(&mut *shown, next)
     }
 
     /// What is to be played now.
@@ -203,8 +214,9 @@ impl Room {
         // Scenes are changed meanwhile.
         let volumes = volumes.with_step(&self.gpu, volume)?;
         let making = locked(&self.making);
-        let scene = volumes.make(&self.gpu, &self.quality, &making.file)?;
-        Ok(PreparedStep { volumes, scene, revision: self.shown().revision, step, play })
+        let shown = self.shown();
+        let scene = volumes.make(&self.gpu, &self.quality, &making.file, Some(&shown.scene))?;
+        Ok(PreparedStep { volumes, scene, revision: shown.revision, step, play })
     }
 
     /// Shows a step in the scene of this moment, unless its play is over. The one that was on view stays on the device until
@@ -215,13 +227,16 @@ impl Room {
         if making.play.is_none_or(|now| now.number != play) {
             return Ok(());
         }
-        if revision != self.shown().revision {
-            scene = volumes.make(&self.gpu, &self.quality, &making.file)?;
+        let on_view = self.shown();
+        if revision != on_view.revision {
+            scene = volumes.make(&self.gpu, &self.quality, &making.file, Some(&on_view.scene))?;
         }
+        drop(on_view);
         making.former = making.volumes.on_device.first().cloned();
         making.volumes = volumes;
-        let mut shown = self.shown.write().unwrap_or_else(PoisonError::into_inner);
-        *shown = Shown { scene, time_step: step, ..*shown };
+        let former = self.swap(|shown| Shown { scene, time_step: step, ..*shown });
+        drop(making);
+        drop(former);
         Ok(())
     }
 
