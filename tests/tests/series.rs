@@ -5,8 +5,8 @@ use end_to_end::{Likeness, Planes, TestServer, Viewer, growing, scene_with, sett
 use headset::HeadsetEvent;
 use render::Quality;
 use server::{Series, Settings};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use volume::Volume;
 
@@ -218,6 +218,24 @@ async fn a_step_that_cannot_be_loaded_is_left_out_and_a_series_of_none_stands_st
     assert_eq!(viewer.frame_after(0).await.received.header.time_step, 0);
     viewer.leave().await;
     room.shutdown().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_step_that_does_not_come_holds_up_no_shutdown() {
+    let steps = growing(2);
+    let (comes, wait) = std::sync::mpsc::channel::<()>();
+    let (wait, asked) = (Mutex::new(wait), Arc::new(AtomicUsize::new(0)));
+    let counted = asked.clone();
+    let load = move |_: u32| {
+        counted.fetch_add(1, Ordering::Relaxed);
+        let _ = wait.lock().unwrap().recv();
+        Err("the disk was slow".into())
+    };
+    let series = Series::new(2, 0, Arc::new(load));
+    let room = TestServer::start_series(steps[0].clone(), series, &playing(4.0, Some(1)), generous());
+    until("the step is asked for", || asked.load(Ordering::Relaxed) == 1).await;
+    end_to_end::within("the server's end", room.shutdown()).await;
+    drop(comes);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

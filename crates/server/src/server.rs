@@ -31,6 +31,8 @@ const MOST_WITHOUT_HELLO: usize = 64;
 const LONGEST_TOLD_SCENE: usize = 16 << 10;
 /// How long sessions may take to say goodbye when the server stops.
 const GOODBYE: Duration = Duration::from_secs(2);
+/// How often it is looked whether the thread `play` has ended.
+const LOOK: Duration = Duration::from_millis(2);
 
 /// Why a server does not start.
 #[derive(Debug, thiserror::Error)]
@@ -205,8 +207,10 @@ pub struct Server {
     shared: Arc<Shared>,
     address: SocketAddr,
     fingerprint: Fingerprint,
-    /// The threads `render` and `play`.
-    threads: Vec<JoinHandle<()>>,
+    /// The thread `render`.
+    render: Option<JoinHandle<()>>,
+    /// The thread `play`, where there is a series.
+    play: Option<JoinHandle<()>>,
     accepting: Option<tokio::task::JoinHandle<()>>,
 }
 
@@ -234,14 +238,18 @@ impl Server {
         let thread = |source| StartError::System { what: "a thread", source };
         let encoders = EncoderPool::start(&shared, shared.settings.encoder_threads, slots).map_err(thread)?;
         let render_loop = RenderLoop::new(shared.clone(), ring, encoders);
-        let mut threads = vec![spawn("render", &shared, move |_| render_loop.run()).map_err(thread)?];
-        if let Some(series) = series {
-            threads
-                .push(spawn("play", &shared, move |shared| playing::run(shared, &series)).map_err(thread)?);
-        }
+        let render = spawn("render", &shared, move |_| render_loop.run()).map_err(thread)?;
+        let play = series
+            .map(|series| spawn("play", &shared, move |shared| playing::run(shared, &series)))
+            .transpose()
+            .map_err(|source| {
+                // The thread `render` runs already.
+                shared.stop();
+                thread(source)
+            })?;
         let accepting = tokio::spawn(accept(shared.clone(), endpoint));
         let fingerprint = identity.fingerprint();
-        Ok(Self { shared, address, fingerprint, threads, accepting: Some(accepting) })
+        Ok(Self { shared, address, fingerprint, render: Some(render), play, accepting: Some(accepting) })
     }
 
     /// Where it listens.
@@ -282,15 +290,27 @@ impl Server {
         let _ = stop.wait_for(|stopping| *stopping).await;
     }
 
-    /// Says goodbye to all headsets, closes the port and ends all threads.
+    /// Says goodbye to all headsets, closes the port and ends all threads. A step that is still being loaded after the time
+    /// for goodbyes is not waited for: its thread is let go, and ends when it is there.
     pub async fn shutdown(mut self) {
         self.shared.stop();
         if let Some(accepting) = self.accepting.take() {
             let _ = accepting.await;
         }
-        for thread in self.threads.drain(..) {
-            // It is in a call of the device, loads a step, or is asleep for some milliseconds.
-            let _ = tokio::task::spawn_blocking(move || thread.join()).await;
+        if let Some(render) = self.render.take() {
+            // It is in a call of the device or asleep for some milliseconds.
+            let _ = tokio::task::spawn_blocking(move || render.join()).await;
+        }
+        if let Some(play) = self.play.take() {
+            // Looked at and not joined: who waits in a join would hold up the end of the runtime.
+            let ended = async {
+                while !play.is_finished() {
+                    tokio::time::sleep(LOOK).await;
+                }
+            };
+            if tokio::time::timeout(GOODBYE, ended).await.is_err() {
+                tracing::warn!("a step is still being loaded; it is not waited for");
+            }
         }
     }
 }
