@@ -168,7 +168,7 @@ impl VolumeFacts {
                 percentile_99_8: statistics.percentile(0.998),
                 labels: (c.kind == volume::ChannelKind::Label).then(|| LabelFacts {
                     present: c.label_counts().iter().map(|l| l.number).collect(),
-                    table: volume::LabelTable::default(),
+                    ..LabelFacts::default()
                 }),
             }
         };
@@ -191,16 +191,13 @@ impl VolumeFacts {
     }
 
     /// The same for another step of a series in time: numbers that fill a scene's gaps stay, so that a picture does not
-    /// flicker where values go up and down. Labels of this step come to those known before, which stay too: a scene that
-    /// names one is right also where it is not in the picture.
+    /// flicker where values go up and down. So do the labels that a scene can name: one is right or wrong for all steps.
     #[must_use]
     pub fn with_step(&self, step: &volume::Volume) -> Self {
         let mut facts = self.clone();
         for (of, channel) in facts.channels.iter_mut().zip(step.channels()) {
             if let Some(labels) = &mut of.labels {
-                labels.present.extend(channel.label_counts().iter().map(|l| l.number));
-                labels.present.sort_unstable();
-                labels.present.dedup();
+                labels.in_step = channel.label_counts().iter().map(|l| l.number).collect();
             }
         }
         facts
@@ -508,7 +505,7 @@ mod tests {
     }
 
     #[test]
-    fn a_label_that_a_step_lacks_is_known_all_the_same() {
+    fn the_labels_that_a_scene_can_name_are_those_of_the_first_step() {
         let step = |numbers: [u8; 2]| {
             let channel = volume::Channel {
                 name: "organs".into(),
@@ -522,11 +519,21 @@ mod tests {
         };
         let first = VolumeFacts::of(&step([0, 7]));
         let second = first.with_step(&step([0, 3]));
-        assert_eq!(second.channels[0].labels.as_ref().unwrap().present, [0, 3, 7]);
         let scene = SceneFile::from_json(r#"{"labels": {"only": [7]}}"#).unwrap();
         let looks = scene.resolve(&second).unwrap().labels.unwrap();
         assert!(looks.at(7).opacity_per_mm > 0.0);
         assert_eq!(looks.at(3).opacity_per_mm, 0.0);
+        // One that comes later is seen, and is as unknown to a scene as it was at the beginning.
+        let looks =
+            SceneFile::from_json(r#"{"labels": {}}"#).unwrap().resolve(&second).unwrap().labels.unwrap();
+        assert_eq!(looks.at(3).opacity_per_mm, 1.0);
+        let early = SceneFile::from_json(r#"{"labels": {"only": [3]}}"#).unwrap();
+        for facts in [&first, &second] {
+            assert!(early.resolve(facts).unwrap_err().to_string().contains('3'));
+        }
+        let with_table =
+            SceneFile::from_json(r#"{"labels": {"only": [3], "table": [{"number": 3}]}}"#).unwrap();
+        assert_eq!(with_table.resolve(&second).unwrap().labels.unwrap().at(3).opacity_per_mm, 1.0);
     }
 
     #[test]

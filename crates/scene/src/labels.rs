@@ -82,6 +82,9 @@ impl From<Label> for LabelEntry {
 pub struct LabelFacts {
     /// The numbers that voxels hold, in order.
     pub present: Vec<i64>,
+    /// The numbers in the step of a series in time that is on view. They have a look, but only those that are `present` in
+    /// the first step or in a table can be named: whether a scene is right does not depend on when it comes.
+    pub in_step: Vec<i64>,
     /// What the volume's own file says of them.
     pub table: LabelTable,
 }
@@ -211,7 +214,7 @@ impl LabelsFile {
             } && !hidden.contains(&number);
             (number, Optical { color, opacity_per_mm: if is_shown { opacity } else { 0.0 } })
         };
-        Ok(LabelLooks::new(facts.present.iter().map(look)))
+        Ok(LabelLooks::new(facts.present.iter().chain(&facts.in_step).map(look)))
     }
 }
 
@@ -246,6 +249,7 @@ mod tests {
                 label(5, "liver", None),
                 label(7, "aorta", None),
             ]),
+            ..LabelFacts::default()
         }
     }
 
