@@ -282,7 +282,14 @@ fn registration(report: &RunReport, out: &mut fmt::Formatter<'_>) -> fmt::Result
         print(out, &table)?;
         verified_classes(out, verification)?;
         if verification.skipped > 0 {
-            writeln!(out, "  {} more show another scene.", verification.skipped)?;
+            writeln!(
+                out,
+                "  {} more show another scene, or a step that could not be had.",
+                verification.skipped
+            )?;
+        }
+        for note in &verification.notes {
+            writeln!(out, "  {note}")?;
         }
     }
     Ok(())

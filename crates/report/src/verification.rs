@@ -9,8 +9,12 @@ use serde::{Deserialize, Serialize};
 pub struct Verification {
     /// Each of them.
     pub frames: Vec<VerifiedFrame>,
-    /// Pictures that were chosen and left out, because they show another scene than the one at the beginning.
+    /// Pictures that were chosen and left out, because they show another scene than the one at the beginning, or a step
+    /// that could not be had.
     pub skipped: u64,
+    /// Why pictures of the scene at the beginning were left out.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
 }
 
 /// One picture that was held against the exact ones.
@@ -66,8 +70,12 @@ pub struct VerificationReport {
     pub by_age_ms: Vec<VerifiedClass>,
     /// By how fast the head turned, in degrees a second; classes without a picture are left out.
     pub by_speed_deg_per_sec: Vec<VerifiedClass>,
-    /// Pictures that were chosen and left out, because they show another scene than the one at the beginning.
+    /// Pictures that were chosen and left out, because they show another scene than the one at the beginning, or a step
+    /// that could not be had.
     pub skipped: u64,
+    /// Why pictures of the scene at the beginning were left out.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
     /// Each picture.
     pub frames: Vec<VerifiedFrame>,
 }
@@ -105,6 +113,7 @@ impl VerificationReport {
             by_age_ms: classes(&frames, &AGES_MS, |frame| frame.age_ms),
             by_speed_deg_per_sec: classes(&frames, &SPEEDS_DEG_PER_SEC, |frame| frame.head_deg_per_sec),
             skipped: verification.skipped,
+            notes: verification.notes.clone(),
             frames: verification.frames.clone(),
         }
     }
@@ -154,7 +163,7 @@ mod tests {
         };
         let frames =
             vec![frame(10.0, Some(3.0), 40.0), frame(19.9, Some(30.0), 30.0), frame(20.0, None, 20.0)];
-        let found = VerificationReport::of(&Verification { frames, skipped: 0 });
+        let found = VerificationReport::of(&Verification { frames, ..Verification::default() });
         let told = |classes: &[VerifiedClass]| -> Vec<_> {
             classes.iter().map(|c| (c.from, c.below, c.pictures, c.display_psnr_db.map(|d| d.min))).collect()
         };

@@ -194,6 +194,7 @@ pub(crate) fn judge(
     let mut wrong: Vec<String> = failed.iter().map(|f| format!("{}: {}", f.name, f.error)).collect();
     if let (Some(run), Some(verified)) = (runs.first(), verified) {
         wrong.extend(misplaced(run, verified));
+        wrong.extend(verified.notes.iter().map(|note| format!("{}: {note}", run.name)));
     }
     for run in runs {
         for (kind, violations) in &run.violations {

@@ -43,8 +43,8 @@ impl Known {
     }
 }
 
-/// Looks at the pictures that a run has put aside.
-pub(crate) fn verified(known: &Known, run: &HeadsetRun) -> anyhow::Result<Verification> {
+/// Looks at the pictures that a run has put aside. Those that cannot be looked at are counted, with the reason.
+pub(crate) fn verified(known: &Known, run: &HeadsetRun) -> Verification {
     // A scene that came later is not the one that is known here.
     let first = run.session.as_ref().map(|session| session.scene_revision);
     let (same, other): (Vec<_>, Vec<_>) =
@@ -53,23 +53,42 @@ pub(crate) fn verified(known: &Known, run: &HeadsetRun) -> anyhow::Result<Verifi
     for sampled in &same {
         of_steps.entry(sampled.time_step).or_default().push(sampled);
     }
-    let loaded = known.shown.loaded.report.sequence.map_or(0, |sequence| sequence.loaded);
-    let mut frames = Vec::new();
+    let (mut frames, mut notes) = (Vec::new(), Vec::new());
     for (step, sampled) in of_steps {
-        let another = (u64::from(step) != loaded).then(|| known.step(step)).transpose()?;
-        let (volume, scene) = match &another {
-            Some((volume, scene)) => (volume, scene),
-            None => (&known.shown.loaded.volume, &known.shown.scene),
-        };
-        let exact = Exact::of_several(volume, &known.shown.others(), scene)?;
-        for sampled in sampled {
-            progress(format!("exact pictures: {} of {}", frames.len(), same.len()));
-            frames.push(verified_frame(&exact, sampled, &run.frames)?);
+        let done = frames.len();
+        // Which step it is, the peer has said: it may be none.
+        if let Err(error) = verified_step(known, step, &sampled, run, &mut frames, same.len()) {
+            let left_out = sampled.len() - (frames.len() - done);
+            notes.push(format!("{left_out} pictures of step {step} were left out: {error:#}"));
         }
     }
     frames.sort_by_key(|verified| verified.frame);
     progress_done();
-    Ok(Verification { frames, skipped: other.len() as u64 })
+    let skipped = (other.len() + same.len() - frames.len()) as u64;
+    Verification { frames, skipped, notes }
+}
+
+/// Adds the pictures of one step to `frames`, which will be at most `expected`.
+fn verified_step(
+    known: &Known,
+    step: u32,
+    sampled: &[&SampledFrame],
+    run: &HeadsetRun,
+    frames: &mut Vec<VerifiedFrame>,
+    expected: usize,
+) -> anyhow::Result<()> {
+    let loaded = known.shown.loaded.report.sequence.map_or(0, |sequence| sequence.loaded);
+    let another = (u64::from(step) != loaded).then(|| known.step(step)).transpose()?;
+    let (volume, scene) = match &another {
+        Some((volume, scene)) => (volume, scene),
+        None => (&known.shown.loaded.volume, &known.shown.scene),
+    };
+    let exact = Exact::of_several(volume, &known.shown.others(), scene)?;
+    for sampled in sampled {
+        progress(format!("exact pictures: {} of {expected}", frames.len()));
+        frames.push(verified_frame(&exact, sampled, &run.frames)?);
+    }
+    Ok(())
 }
 
 /// Holds one picture against the exact ones; `records` say how old it was and how the head moved.

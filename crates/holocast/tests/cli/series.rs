@@ -66,6 +66,29 @@ fn a_play_is_shown_step_by_step_and_each_picture_is_held_against_its_own() {
 }
 
 #[test]
+fn pictures_of_a_step_that_the_file_lacks_are_left_out_and_the_report_is_written() {
+    let folder = Folder::new();
+    let volume = folder.write("beating.nii", &series());
+    let shorter = folder.write("shorter.nii", &nifti_of(&[33, 66]));
+    let scene = folder.write("scene.json", b"{}");
+    let (server, told) = serve_scene(&folder, &volume, &scene, &["--time", "2"]);
+    let report = folder.arg("report.json");
+    let small = ["--device", "96x64", "--hz", "30", "--seconds", "2", "--distance-m", "0.9"];
+    let verified = ["--verify", "3", "--volume", &shorter, "--report", &report];
+    headset(&told, &[&small[..], &verified].concat()).failed_after_report(&[
+        "step 2",
+        "shorter.nii",
+        "0 to 1",
+    ]);
+    let report: serde_json::Value = serde_json::from_slice(&std::fs::read(report).unwrap()).unwrap();
+    let verification = &report["headsets"][0]["verification"];
+    assert!(verification["skipped"].as_u64().unwrap() >= 1, "{verification}");
+    assert_eq!(verification["frames"], serde_json::json!([]));
+    assert!(verification["notes"][0].as_str().unwrap().contains("step 2"), "{verification}");
+    stop(server);
+}
+
+#[test]
 fn what_cannot_be_played_is_refused_before_anybody_comes() {
     let folder = Folder::new();
     let series = folder.write("beating.nii", &series());

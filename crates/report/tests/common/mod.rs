@@ -114,8 +114,11 @@ pub(crate) fn headset(name: &str, seed: u64, seconds: f64) -> HeadsetRun {
         decoded,
         ..headset.counters
     };
-    headset.verification =
-        Some(Verification { frames: (0..3).map(|index| verified(10 * index)).collect(), skipped: 1 });
+    headset.verification = Some(Verification {
+        frames: (0..3).map(|index| verified(10 * index)).collect(),
+        skipped: 1,
+        notes: Vec::new(),
+    });
     headset
 }
 
