@@ -70,15 +70,16 @@ mod tests {
     #[test]
     fn rays_go_behind_and_nobody_else() {
         let (begin, begun) = mpsc::channel::<()>();
+        let (run, runs) = mpsc::channel();
         let before = niceness();
         let rays = std::thread::Builder::new().name(format!("{RAY_THREADS}9")).spawn(move || {
+            run.send(()).unwrap();
             begun.recv().unwrap();
             niceness()
         });
         // The name is there when the thread runs, not when it is asked for.
-        while put_rays_behind() == 0 {
-            std::thread::yield_now();
-        }
+        runs.recv().unwrap();
+        assert!(put_rays_behind() >= 1, "the system refuses to let a thread go behind");
         begin.send(()).unwrap();
         assert_eq!(rays.unwrap().join().unwrap(), RAYS_NICE);
         assert_eq!(niceness(), before);
