@@ -3,35 +3,20 @@
 
 // A layer an eye; larger than the picture, which lies in its upper left corner.
 @group(1) @binding(0) var picture: texture_2d_array<f32>;
-@group(1) @binding(1) var picture_sampler: sampler;
+@group(1) @binding(1) var rays_sampler: sampler;
 @group(1) @binding(2) var<storage, read_write> planes: array<u32>;
+// Of each ray, where rays are fewer than pixels.
+@group(1) @binding(3) var luma_of_rays: texture_2d_array<f32>;
+@group(1) @binding(4) var chroma_of_rays: texture_2d_array<f32>;
 
 override SCALED: bool = false;
 
-fn shown(eye: u32, pixel: vec2<u32>) -> vec3<f32> {
-    var p: vec4<f32>;
-    if (SCALED) {
-        let scale = vec2<f32>(frame.render_size) / vec2<f32>(frame.output_size);
-        // Held half a texel inside the picture: what lies beyond is another frame's.
-        let most = vec2<f32>(frame.render_size) - 0.5;
-        let q = clamp((vec2<f32>(pixel) + 0.5) * scale, vec2<f32>(0.5), most);
-        p = textureSampleLevel(picture, picture_sampler, q / vec2<f32>(textureDimensions(picture)), eye, 0.0);
-    } else {
-        p = textureLoad(picture, pixel, eye, 0);
-    }
-    return p.rgb + (1.0 - p.a) * frame.background;
-}
-
-fn luma(c: vec3<f32>) -> u32 {
-    return u32(16.5 + 219.0 * dot(c, vec3<f32>(0.2126, 0.7152, 0.0722)));
-}
-
-fn blue_difference(c: vec3<f32>) -> u32 {
-    return u32(128.5 + 224.0 * dot(c, vec3<f32>(-0.2126, -0.7152, 0.9278)) / 1.8556);
-}
-
-fn red_difference(c: vec3<f32>) -> u32 {
-    return u32(128.5 + 224.0 * dot(c, vec3<f32>(0.7874, -0.7152, -0.0722)) / 1.5748);
+// Where rays are looked at for a point of the picture, in pixels from its upper left corner. Held half a texel inside the
+// picture: what lies beyond is another frame's.
+fn among_rays(point: vec2<f32>) -> vec2<f32> {
+    let size = vec2<f32>(frame.render_size);
+    let scale = size / vec2<f32>(frame.output_size);
+    return clamp(point * scale, vec2<f32>(0.5), size - 0.5) / vec2<f32>(textureDimensions(luma_of_rays));
 }
 
 // A block of 8 by 2 pixels: whole words of luma and of both chroma planes.
@@ -51,18 +36,32 @@ fn convert(@builtin(global_invocation_id) id: vec3<u32>) {
     var v_word = 0u;
     for (var column = 0u; column < 4u; column += 1u) {
         var sum = vec3<f32>(0.0);
+        var uv = vec2<f32>(0.0);
         for (var k = 0u; k < 4u; k += 1u) {
             let dx = column * 2u + (k & 1u);
             let dy = k >> 1u;
             // The padding at the right repeats the last pixel.
             let x = min(left + dx, width - 1u);
             let eye = select(0u, 1u, x >= frame.output_size.x);
-            let c = clamp(shown(eye, vec2<u32>(x - eye * frame.output_size.x, top + dy)), vec3<f32>(0.0), vec3<f32>(1.0));
-            sum += c;
-            words[dy * 2u + (dx >> 2u)] |= luma(c) << ((dx & 3u) * 8u);
+            let pixel = vec2<u32>(x - eye * frame.output_size.x, top + dy);
+            var y = 0.0;
+            if (SCALED) {
+                y = textureSampleLevel(luma_of_rays, rays_sampler, among_rays(vec2<f32>(pixel) + 0.5), eye, 0.0).r;
+                if (k == 0u) {
+                    uv = textureSampleLevel(chroma_of_rays, rays_sampler, among_rays(vec2<f32>(pixel) + 1.0), eye, 0.0).rg;
+                }
+            } else {
+                let c = shown(textureLoad(picture, pixel, eye, 0));
+                sum += c;
+                y = luma(c);
+            }
+            words[dy * 2u + (dx >> 2u)] |= u32(y + 0.5) << ((dx & 3u) * 8u);
         }
-        u_word |= blue_difference(sum * 0.25) << (column * 8u);
-        v_word |= red_difference(sum * 0.25) << (column * 8u);
+        if (!SCALED) {
+            uv = chroma(sum * 0.25);
+        }
+        u_word |= u32(uv.x + 0.5) << (column * 8u);
+        v_word |= u32(uv.y + 0.5) << (column * 8u);
     }
     let at = (top * frame.luma_stride + left) / 4u;
     planes[at] = words[0];

@@ -125,6 +125,12 @@ impl FrameRenderer {
             });
             pass.set_bind_group(0, &slot.frame_group, &[]);
             let pipelines = &gpu.pipelines;
+            if plan.is_scaled() {
+                pass.set_pipeline(&pipelines.tone);
+                pass.set_bind_group(1, &targets.tone_group, &[]);
+                let [columns, rows] = plan.render_size_px().map(|side| side.div_ceil(8));
+                pass.dispatch_workgroups(columns, rows, plan.eye_count());
+            }
             pass.set_pipeline(if plan.is_scaled() { &pipelines.convert_scaled } else { &pipelines.convert });
             pass.set_bind_group(1, &targets.convert_group, &[]);
             let [width, height] = plan.output_size_px();

@@ -13,6 +13,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub(crate) const PICTURE_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
 /// A bit for each chunk of depth.
 pub(crate) const MASK_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
+/// Luma of a ray, in steps of 8 bits.
+pub(crate) const LUMA_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R32Float;
+/// What blue and red differ from it by.
+pub(crate) const CHROMA_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rg32Float;
 /// Depth in millimetres.
 pub(crate) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R32Float;
 
@@ -144,9 +148,12 @@ pub(crate) struct Pipelines {
     pub(crate) scene_layout: wgpu::BindGroupLayout,
     pub(crate) tiles_layout: wgpu::BindGroupLayout,
     pub(crate) picture_layout: wgpu::BindGroupLayout,
+    pub(crate) tone_layout: wgpu::BindGroupLayout,
     pub(crate) convert_layout: wgpu::BindGroupLayout,
     pub(crate) depth_layout: wgpu::BindGroupLayout,
     pub(crate) spread_layout: wgpu::BindGroupLayout,
+    /// Before `convert_scaled`: luma and chroma of each ray.
+    pub(crate) tone: wgpu::ComputePipeline,
     pub(crate) convert: wgpu::ComputePipeline,
     pub(crate) convert_scaled: wgpu::ComputePipeline,
     pub(crate) depth: wgpu::ComputePipeline,
@@ -194,7 +201,8 @@ impl Pipelines {
         let spread_layout = layout("spread", &[picture, picture, pixels[0], pixels[1], read, write]);
         let picture_layout =
             layout("picture", &[written(PICTURE_FORMAT), written(DEPTH_FORMAT), masks, read]);
-        let convert_layout = layout("convert", &[picture, sampler, write]);
+        let tone_layout = layout("tone", &[picture, written(LUMA_FORMAT), written(CHROMA_FORMAT)]);
+        let convert_layout = layout("convert", &[picture, sampler, write, picture, picture]);
         let depth_layout = layout("depth", &[picture, picture, write]);
 
         let pipeline_layout = |label: &str, groups: &[&wgpu::BindGroupLayout]| {
@@ -216,6 +224,7 @@ impl Pipelines {
         let tiles_pipeline_layout =
             pipeline_layout("tiles", &[&frame_layout, &volume_layout, &scene_layout, &tiles_layout]);
         let spread_pipeline_layout = pipeline_layout("spread", &[&frame_layout, &spread_layout]);
+        let tone_pipeline_layout = pipeline_layout("tone", &[&frame_layout, &tone_layout]);
         let convert_pipeline_layout = pipeline_layout("convert", &[&frame_layout, &convert_layout]);
         let depth_pipeline_layout = pipeline_layout("depth", &[&frame_layout, &depth_layout]);
         let convert_module = module("convert", shaders::CONVERT);
@@ -223,7 +232,9 @@ impl Pipelines {
         let convert = |scaled: f64| {
             make(device, &convert_module, &convert_pipeline_layout, "convert", &[("SCALED", scaled)])
         };
+        let tone_module = module("tone", shaders::TONE);
         Self {
+            tone: make(device, &tone_module, &tone_pipeline_layout, "tone", &[]),
             convert: convert(0.0),
             convert_scaled: convert(1.0),
             depth: make(device, &depth_module, &depth_pipeline_layout, "reduce", &[]),
@@ -240,6 +251,7 @@ impl Pipelines {
             scene_layout,
             tiles_layout,
             picture_layout,
+            tone_layout,
             convert_layout,
             depth_layout,
             spread_layout,

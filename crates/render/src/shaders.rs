@@ -121,9 +121,17 @@ fn copies(parts: &[usize]) -> impl Fn(&str) -> String {
     }
 }
 
+/// Luma and chroma of each ray.
+pub(crate) const TONE: &str = concat!(
+    include_str!("../../../shaders/common/frame.wgsl"),
+    include_str!("../../../shaders/common/yuv.wgsl"),
+    include_str!("../../../shaders/tone.wgsl"),
+);
+
 /// Convert the picture to YUV 4:2:0.
 pub(crate) const CONVERT: &str = concat!(
     include_str!("../../../shaders/common/frame.wgsl"),
+    include_str!("../../../shaders/common/yuv.wgsl"),
     include_str!("../../../shaders/convert.wgsl"),
 );
 
@@ -232,8 +240,14 @@ mod tests {
         }
     }
 
-    const ALL: [(&str, &str); 5] =
-        [("tiles", TILES), ("raycast", RAYCAST), ("spread", SPREAD), ("convert", CONVERT), ("depth", DEPTH)];
+    const ALL: [(&str, &str); 6] = [
+        ("tiles", TILES),
+        ("raycast", RAYCAST),
+        ("spread", SPREAD),
+        ("tone", TONE),
+        ("convert", CONVERT),
+        ("depth", DEPTH),
+    ];
 
     /// All kinds that a volume may be of.
     const KINDS: [PartKind; 5] = [

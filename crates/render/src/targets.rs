@@ -3,7 +3,7 @@
 use crate::StereoPlan;
 use crate::error::RenderError;
 use crate::gpu::Gpu;
-use crate::pipelines::{DEPTH_FORMAT, MASK_FORMAT, PICTURE_FORMAT};
+use crate::pipelines::{CHROMA_FORMAT, DEPTH_FORMAT, LUMA_FORMAT, MASK_FORMAT, PICTURE_FORMAT};
 
 /// Rays along each side of a tile. The shader has the same number.
 const TILE: u32 = 8;
@@ -20,6 +20,7 @@ pub(crate) struct Targets {
     pub(crate) picture: wgpu::Texture,
     pub(crate) depth: wgpu::Texture,
     first_picture: wgpu::Texture,
+    luma_of_rays: wgpu::Texture,
     masks: wgpu::Texture,
     pub(crate) planes: wgpu::Buffer,
     pub(crate) depth_grid: wgpu::Buffer,
@@ -32,6 +33,7 @@ pub(crate) struct Targets {
     spread_group: wgpu::BindGroup,
     rest_group: wgpu::BindGroup,
     pub(crate) picture_group: wgpu::BindGroup,
+    pub(crate) tone_group: wgpu::BindGroup,
     pub(crate) convert_group: wgpu::BindGroup,
     pub(crate) depth_group: wgpu::BindGroup,
 }
@@ -42,6 +44,8 @@ struct Needs {
     size_px: [u32; 2],
     /// Rays that are cast before the others; one where there are none.
     first_px: [u32; 2],
+    /// Rays whose luma and chroma are wanted; one where there is a ray for each pixel.
+    toned_px: [u32; 2],
     eyes: u32,
     mask_layers: u32,
     planes_bytes: u64,
@@ -57,6 +61,7 @@ impl Needs {
             } else {
                 [1; 2]
             },
+            toned_px: if plan.is_scaled() { plan.render_size_px() } else { [1; 2] },
             eyes: plan.eye_count(),
             mask_layers: plan.eye_count() * plan.features.mask_layers(),
             planes_bytes: plan.planes_bytes() as u64,
@@ -68,6 +73,7 @@ impl Needs {
         Self {
             size_px: std::array::from_fn(|i| self.size_px[i].max(other.size_px[i])),
             first_px: std::array::from_fn(|i| self.first_px[i].max(other.first_px[i])),
+            toned_px: std::array::from_fn(|i| self.toned_px[i].max(other.toned_px[i])),
             eyes: self.eyes.max(other.eyes),
             mask_layers: self.mask_layers.max(other.mask_layers),
             planes_bytes: self.planes_bytes.max(other.planes_bytes),
@@ -81,6 +87,7 @@ impl Targets {
         Needs {
             size_px: [self.picture.width(), self.picture.height()],
             first_px: [self.first_picture.width(), self.first_picture.height()],
+            toned_px: [self.luma_of_rays.width(), self.luma_of_rays.height()],
             eyes: self.picture.depth_or_array_layers(),
             mask_layers: self.masks.depth_or_array_layers(),
             planes_bytes: self.planes.size(),
@@ -95,6 +102,8 @@ impl Targets {
             && holds.size_px[1] >= needs.size_px[1]
             && holds.first_px[0] >= needs.first_px[0]
             && holds.first_px[1] >= needs.first_px[1]
+            && holds.toned_px[0] >= needs.toned_px[0]
+            && holds.toned_px[1] >= needs.toned_px[1]
             && holds.eyes >= needs.eyes
             && holds.mask_layers >= needs.mask_layers
             && holds.planes_bytes >= needs.planes_bytes
@@ -131,6 +140,8 @@ impl Targets {
             rest_bytes,
             wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::COPY_DST,
         )?;
+        let luma_of_rays = layers(gpu, "the rays' luma", needs.toned_px, needs.eyes, LUMA_FORMAT)?;
+        let chroma_of_rays = layers(gpu, "the rays' chroma", needs.toned_px, needs.eyes, CHROMA_FORMAT)?;
         let out = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
         let planes = gpu.buffer("the picture's planes", needs.planes_bytes, out)?;
         let depth_grid = gpu.buffer("the grid of depths", needs.depth_grid_bytes, out)?;
@@ -195,10 +206,24 @@ impl Targets {
             ],
         );
         let sampler_binding = wgpu::BindingResource::Sampler(&sampler);
+        let (luma_view, chroma_view) = (luma_of_rays.create_view(&array), chroma_of_rays.create_view(&array));
+        let luma_binding = wgpu::BindingResource::TextureView(&luma_view);
+        let chroma_binding = wgpu::BindingResource::TextureView(&chroma_view);
+        let tone_group = group(
+            "tone",
+            &pipelines.tone_layout,
+            &[picture_binding.clone(), luma_binding.clone(), chroma_binding.clone()],
+        );
         let convert_group = group(
             "convert",
             &pipelines.convert_layout,
-            &[picture_binding.clone(), sampler_binding, planes.as_entire_binding()],
+            &[
+                picture_binding.clone(),
+                sampler_binding,
+                planes.as_entire_binding(),
+                luma_binding,
+                chroma_binding,
+            ],
         );
         let depth_group = group(
             "depth",
@@ -213,11 +238,13 @@ impl Targets {
             spread_group,
             rest_group,
             picture_group,
+            tone_group,
             convert_group,
             depth_group,
             picture,
             depth,
             first_picture,
+            luma_of_rays,
             masks,
             planes,
             depth_grid,

@@ -414,6 +414,61 @@ fn fewer_rays_are_stretched_over_the_whole_picture() {
 }
 
 #[test]
+fn the_planes_of_fewer_rays_lie_between_them() {
+    let dims = [32, 32, 32];
+    let v = volume(dims, DVec3::ONE, noise(dims, 5));
+    let shown = Shown::new(&v, r#"{"transfer": [[0,0,0,0,0],[128,1,0.1,0.2,0.3],[255,0.1,0.9,1,0.9]]}"#);
+    let view = HeadGeometry::parallel(6.0, Fov::symmetric(0.4, 0.4).unwrap())
+        .view(&Pose::looking_at(DVec3::new(80.0, 70.0, 60.0), DVec3::splat(16.0), DVec3::Z).unwrap());
+    let quality = Quality { resolution_scale: 0.4, ..Quality::BALANCED };
+    let plan = shown.plan(&view.eyes, [36, 26], quality, None);
+    let [columns, rows] = plan.render_size_px().map(|n| n as usize);
+    assert_eq!([columns, rows], [14, 10]);
+    let still = StillRenderer::new(gpu()).render(&shown.scene, &plan).unwrap();
+    // Larger frames first: what lies beyond this one's rays is another's.
+    let mut ring = FrameRenderer::new(gpu(), 1).unwrap();
+    for scale in [0.9, 1.0] {
+        let quality = Quality { resolution_scale: scale, ..Quality::BALANCED };
+        let plan = shown.plan(&view.eyes, [36, 26], quality, None);
+        ring.submit(&shown.scene, &plan).unwrap().finish().unwrap();
+    }
+    let frame = ring.submit(&shown.scene, &plan).unwrap().finish().unwrap();
+    // Bilinear, at a point of the picture in pixels from its corner.
+    let between = |eye: usize, at: [f64; 2]| {
+        let [x, y] = [(at[0] * columns as f64 / 36.0, columns), (at[1] * rows as f64 / 26.0, rows)]
+            .map(|(q, n)| (q - 0.5).clamp(0.0, (n - 1) as f64));
+        let of = |x: usize, y: usize| still.eye(eye)[y.min(rows - 1) * columns + x.min(columns - 1)];
+        let (x0, y0) = (x as usize, y as usize);
+        let (fx, fy) = (x.fract(), y.fract());
+        let corners = [
+            (of(x0, y0), (1.0 - fx) * (1.0 - fy)),
+            (of(x0 + 1, y0), fx * (1.0 - fy)),
+            (of(x0, y0 + 1), (1.0 - fx) * fy),
+            (of(x0 + 1, y0 + 1), fx * fy),
+        ];
+        std::array::from_fn(|i| corners.iter().map(|(c, weight)| f64::from(c[i]) * weight).sum::<f64>())
+    };
+    let luma = |c: [f64; 3]| 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2];
+    let planes = frame.planes();
+    // A device's filter may weigh in 256ths; the steepest neighbours here are half of all brightness apart.
+    let tolerance = 0.5 + 2.0 * 219.0 / 256.0 / 2.0;
+    for y in 0..26 {
+        for x in 0..72 {
+            let c = between(x / 36, [(x % 36) as f64 + 0.5, y as f64 + 0.5]);
+            near(f64::from(planes[y * 72 + x]), 16.0 + 219.0 * luma(c), tolerance);
+        }
+    }
+    for y in 0..13 {
+        for x in 0..36 {
+            let c = between(x / 18, [(2 * (x % 18) + 1) as f64, (2 * y + 1) as f64]);
+            let (u, v) = (72 * 26 + y * 36 + x, 72 * 26 + 36 * 13 + y * 36 + x);
+            near(f64::from(planes[u]), 128.0 + 224.0 * (c[2] - luma(c)) / 1.8556, tolerance);
+            near(f64::from(planes[v]), 128.0 + 224.0 * (c[0] - luma(c)) / 1.5748, tolerance);
+        }
+    }
+}
+
+#[test]
 fn a_ring_that_is_full_says_so_and_goes_on_when_a_frame_is_done() {
     let v = volume([8, 8, 8], DVec3::ONE, Voxels::U8(vec![9; 512].into()));
     let shown = Shown::new(&v, "{}");
