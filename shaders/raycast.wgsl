@@ -33,11 +33,12 @@ const REFINEMENTS: i32 = 7;
 // A layer an eye: in which chunks of depth a tile may see something.
 @group(3) @binding(2) var masks: texture_2d_array<u32>;
 
-// What is to be cast, as an indirect dispatch takes it: workgroups of a tile each, and of four tiles each, or of 64 pixels.
+// What is to be cast, as an indirect dispatch takes it: workgroups of 64 rays each, of all pixels or of listed ones, and where
+// a ray of every other pixel of every other row is cast.
 struct Work {
     groups: vec3<u32>,
     tile_count: u32,
-    groups_of_four: vec3<u32>,
+    first_groups: vec3<u32>,
     tiles: array<u32>,
 }
 
@@ -106,7 +107,7 @@ fn ray_of(eye: u32, pixel: vec2<u32>) -> Ray {
     ray.leave_mm = min(min(far.x, far.y), far.z);
     ray.chunks_begin_mm = (e.near - e.anchor_depth) * mm;
     ray.chunk_mm = chunk_depth(e) * mm;
-    ray.chunks = textureLoad(masks, pixel / TILE, eye, 0);
+    ray.chunks = textureLoad(masks, pixel >> vec2<u32>(frame.tile_power), eye, 0);
     return ray;
 }
 
@@ -543,30 +544,22 @@ struct Own {
     is_valid: bool,
 }
 
-// A workgroup casts 64 rays: of a listed tile, of four of them, or of listed pixels. Its invocations are blocks of 4 by 2
-// rays, so that what runs in step looks at neighbouring rays.
+// A workgroup casts 64 rays: of listed tiles, or of listed pixels.
 fn own_pixel(group: vec3<u32>, index: u32) -> Own {
-    let place = group.y * TILES_A_ROW + group.x;
     if (RAYS == LISTED) {
-        let listed = place * 64u + index;
+        let listed = (group.y * GROUPS_A_ROW + group.x) * 64u + index;
         let number = work.tiles[min(listed, work.tile_count - 1u)];
         let pixel = tile_of(number);
         return Own(pixel, pixel, tile_eye(number), listed < work.tile_count && all(pixel < frame.render_size));
     }
-    if (RAYS == FIRST) {
-        let listed = place * 4u + (index >> 4u);
-        let number = work.tiles[min(listed, work.tile_count - 1u)];
-        let pair = (tile_of(number) * TILE) / 2u + vec2<u32>(index & 3u, (index >> 2u) & 3u);
-        let pixel = 2u * pair;
-        let is_valid = listed < work.tile_count && all(pixel < frame.render_size);
-        return Own(pixel, select(pair, pixel, COUNT), tile_eye(number), is_valid);
-    }
-    let number = work.tiles[min(place, work.tile_count - 1u)];
-    let block = index >> 3u;
-    let inside = index & 7u;
-    let in_tile = vec2<u32>((block & 1u) * 4u + (inside & 3u), (block >> 1u) * 2u + (inside >> 2u));
-    let pixel = tile_of(number) * TILE + in_tile;
-    return Own(pixel, pixel, tile_eye(number), place < work.tile_count && all(pixel < frame.render_size));
+    let is_first = RAYS == FIRST;
+    let ray = listed_ray(group, index, frame.tile_power - select(0u, 1u, is_first));
+    let number = work.tiles[min(ray.tile, work.tile_count - 1u)];
+    // Of rays that are cast first, the pixel among those.
+    let place = ((tile_of(number) << vec2<u32>(frame.tile_power)) >> vec2<u32>(select(0u, 1u, is_first))) + ray.inside;
+    let pixel = place << vec2<u32>(select(0u, 1u, is_first));
+    let is_valid = ray.tile < work.tile_count && all(pixel < frame.render_size);
+    return Own(pixel, select(place, pixel, COUNT), tile_eye(number), is_valid);
 }
 
 @compute @workgroup_size(64)

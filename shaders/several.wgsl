@@ -21,7 +21,7 @@ override ENTRIES: f32 = 4094.0;
 struct Work {
     groups: vec3<u32>,
     tile_count: u32,
-    groups_of_four: vec3<u32>,
+    first_groups: vec3<u32>,
     tiles: array<u32>,
 }
 
@@ -480,7 +480,7 @@ fn in_steps(ray: Ray, eye: u32, pixel: vec2<u32>) -> Pixel {
     label_$ = NO_LABEL;
     waiting_$ = -1.0;
     run_mm_$ = 0.0;
-    let mask_$ = textureLoad(masks, pixel / TILE, eye * PARTS + $u, 0);
+    let mask_$ = textureLoad(masks, pixel >> vec2<u32>(frame.tile_power), eye * PARTS + $u, 0);
 #end
     var chunk = 0u;
     loop {
@@ -540,15 +540,12 @@ struct Target {
     is_valid: bool,
 }
 
-// As in raycast.wgsl: a workgroup casts a listed tile, as 8 blocks of 4 by 2 pixels.
+// A workgroup casts 64 rays of listed tiles.
 fn target_of(group: vec3<u32>, index: u32) -> Target {
-    let listed = group.y * TILES_A_ROW + group.x;
-    let number = work.tiles[min(listed, work.tile_count - 1u)];
-    let block = index >> 3u;
-    let inside = index & 7u;
-    let in_tile = vec2<u32>((block & 1u) * 4u + (inside & 3u), (block >> 1u) * 2u + (inside >> 2u));
-    let pixel = tile_of(number) * TILE + in_tile;
-    return Target(pixel, tile_eye(number), listed < work.tile_count && all(pixel < frame.render_size));
+    let ray = listed_ray(group, index, frame.tile_power);
+    let number = work.tiles[min(ray.tile, work.tile_count - 1u)];
+    let pixel = (tile_of(number) << vec2<u32>(frame.tile_power)) + ray.inside;
+    return Target(pixel, tile_eye(number), ray.tile < work.tile_count && all(pixel < frame.render_size));
 }
 
 fn store(out: Pixel, ray: Ray, to: Target) {

@@ -12,7 +12,7 @@ const STEEPEST: f32 = 4.0;
 struct Work {
     groups: vec3<u32>,
     tile_count: u32,
-    groups_of_four: vec3<u32>,
+    first_groups: vec3<u32>,
     tiles: array<u32>,
 }
 
@@ -41,16 +41,16 @@ fn put(pixel: vec2<u32>, eye: u32, color: vec4<f32>, depth: f32) {
     textureStore(depth_mm, pixel, eye, vec4<f32>(depth, 0.0, 0.0, 0.0));
 }
 
-// An invocation looks at a ray, the one right of it, the one below, and the one right of that; a workgroup at those of four
+// An invocation looks at a ray, the one right of it, the one below, and the one right of that; a workgroup at 64 of those of
 // listed tiles.
 @compute @workgroup_size(64)
 fn spread(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) index: u32) {
-    let listed = (group.y * TILES_A_ROW + group.x) * 4u + (index >> 4u);
-    let number = work.tiles[min(listed, work.tile_count - 1u)];
+    let ray = listed_ray(group, index, frame.tile_power - 1u);
+    let number = work.tiles[min(ray.tile, work.tile_count - 1u)];
     let eye = tile_eye(number);
-    let place = (tile_of(number) * TILE) / 2u + vec2<u32>(index & 3u, (index >> 2u) & 3u);
+    let place = (tile_of(number) << vec2<u32>(frame.tile_power - 1u)) + ray.inside;
     let pixel = 2u * place;
-    if (listed >= work.tile_count || any(pixel >= frame.render_size)) {
+    if (ray.tile >= work.tile_count || any(pixel >= frame.render_size)) {
         return;
     }
     let last = (frame.render_size - 1u) / 2u;
@@ -77,8 +77,8 @@ fn spread(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
         rest.pixels[at + 1u] = tile_number(pixel + vec2<u32>(0u, 1u), eye);
         rest.pixels[at + 2u] = tile_number(pixel + vec2<u32>(1u, 1u), eye);
         let groups = (at + 2u) / 64u + 1u;
-        atomicMax(&rest.groups_x, min(groups, TILES_A_ROW));
-        atomicMax(&rest.groups_y, (groups - 1u) / TILES_A_ROW + 1u);
+        atomicMax(&rest.groups_x, min(groups, GROUPS_A_ROW));
+        atomicMax(&rest.groups_y, (groups - 1u) / GROUPS_A_ROW + 1u);
         atomicMax(&rest.groups_z, 1u);
         return;
     }

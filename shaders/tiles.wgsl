@@ -18,10 +18,10 @@ struct Work {
     groups_y: atomic<u32>,
     groups_z: atomic<u32>,
     tile_count: atomic<u32>,
-    // The same for workgroups that cast four tiles.
-    fours_x: atomic<u32>,
-    fours_y: atomic<u32>,
-    fours_z: atomic<u32>,
+    // The same where a ray of every other pixel of every other row is cast.
+    first_x: atomic<u32>,
+    first_y: atomic<u32>,
+    first_z: atomic<u32>,
     tiles: array<u32>,
 }
 
@@ -45,15 +45,16 @@ fn root(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
 fn find(@builtin(global_invocation_id) id: vec3<u32>) {
     let tile = id.xy;
     let eye = id.z;
-    let tiles = (frame.render_size + (TILE - 1u)) / TILE;
+    let side = tile_side();
+    let tiles = (frame.render_size + (side - 1u)) / side;
     if (tile.x >= tiles.x || tile.y >= tiles.y) {
         return;
     }
     let e = frame.eyes[eye];
     let pixel = vec2<f32>(1.0) / vec2<f32>(frame.render_size);
     // A tile at the border holds fewer rays.
-    let corner = vec2<f32>(tile * TILE);
-    let opposite = min(corner + f32(TILE), vec2<f32>(frame.render_size));
+    let corner = vec2<f32>(tile * side);
+    let opposite = min(corner + f32(side), vec2<f32>(frame.render_size));
     let xy = 0.5 * (corner + opposite) * pixel - 0.5;
     // Depth s is counted from the anchor. The middle of the beam is at `anchor + s * direction`, and it reaches
     // `margin + s * spread` to each side.
@@ -122,19 +123,21 @@ fn find(@builtin(global_invocation_id) id: vec3<u32>) {
     if (any(mask != vec4<u32>(0u)) || (ALL_OF_THE_WAY && meets)) {
         let at = atomicAdd(&work.tile_count, 1u);
         work.tiles[at] = tile_number(tile, eye);
-        atomicMax(&work.groups_x, min(at + 1u, TILES_A_ROW));
-        atomicMax(&work.groups_y, at / TILES_A_ROW + 1u);
+        let groups = groups_for(at + 1u, frame.tile_power);
+        atomicMax(&work.groups_x, min(groups, GROUPS_A_ROW));
+        atomicMax(&work.groups_y, (groups - 1u) / GROUPS_A_ROW + 1u);
         atomicMax(&work.groups_z, 1u);
         if (SPREAD) {
-            atomicMax(&work.fours_x, min(at / 4u + 1u, TILES_A_ROW));
-            atomicMax(&work.fours_y, at / (4u * TILES_A_ROW) + 1u);
-            atomicMax(&work.fours_z, 1u);
+            let first = groups_for(at + 1u, frame.tile_power - 1u);
+            atomicMax(&work.first_x, min(first, GROUPS_A_ROW));
+            atomicMax(&work.first_y, (first - 1u) / GROUPS_A_ROW + 1u);
+            atomicMax(&work.first_z, 1u);
         }
         return;
     }
     // Nothing is seen, and no ray will be cast to say so.
-    for (var i = 0u; i < TILE * TILE; i += 1u) {
-        let at = tile * TILE + vec2<u32>(i % TILE, i / TILE);
+    for (var i = 0u; i < side * side; i += 1u) {
+        let at = tile * side + vec2<u32>(i % side, i / side);
         textureStore(picture, at, eye, vec4<f32>(0.0));
         textureStore(depth_mm, at, eye, vec4<f32>(0.0));
         if (SPREAD) {

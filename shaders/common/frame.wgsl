@@ -68,6 +68,8 @@ struct Frame {
     light_weight: f32,
     // How far red, green, blue and opacity of neighbouring rays may differ for the pixels between them to be interpolated.
     interpolated_below: f32,
+    // A tile has 2 to this power rays along each side: 8, 4 or 2.
+    tile_power: u32,
     // Of an integer format: numbers its range has, less 1, and what is added to them; 0, 0 of floats. Then slope and
     // intercept: value = stored * slope + intercept.
     stored: vec4<f32>,

@@ -1,11 +1,35 @@
-// Tiles: 8 by 8 neighbouring rays, and what their pass over the cells found. The rays of a tile go nearly the same way,
-// so that one look at the cells serves all of them.
+// Tiles: 8 by 8 neighbouring rays, or fewer where they stand far apart, and what their pass over the cells found. The rays
+// of a tile go nearly the same way, so that one look at the cells serves all of them.
 
-const TILE: u32 = 8u;
+// Rays along each side of a tile.
+fn tile_side() -> u32 {
+    return 1u << frame.tile_power;
+}
+
 // The depth of the volume, cut into so many chunks; a bit of a tile's mask says whether its rays may see something there.
 const CHUNKS: u32 = 128u;
-// A workgroup casts a tile, in rows of so many: a device takes no more than 65 535.
-const TILES_A_ROW: u32 = 32768u;
+// Workgroups come in rows of so many: a device takes no more than 65 535.
+const GROUPS_A_ROW: u32 = 32768u;
+
+// Workgroups, of 64 rays each, for so many tiles with 2 to the power rays along each side.
+fn groups_for(tiles: u32, power: u32) -> u32 {
+    return ((tiles << (2u * power)) + 63u) >> 6u;
+}
+
+// The ray of an invocation, where a workgroup casts the next 64 of all listed tiles: where it is in its tile, and which of
+// the listed ones that is. The rays of a tile are taken in z-order, so that the 8 or 32 that run in step are neighbours.
+struct ListedRay {
+    inside: vec2<u32>,
+    tile: u32,
+}
+
+fn listed_ray(group: vec3<u32>, index: u32, power: u32) -> ListedRay {
+    let ray = (group.y * GROUPS_A_ROW + group.x) * 64u + index;
+    let i = ray & ((1u << (2u * power)) - 1u);
+    let x = (i & 1u) | ((i >> 1u) & 2u) | ((i >> 2u) & 4u);
+    let y = ((i >> 1u) & 1u) | ((i >> 2u) & 2u) | ((i >> 3u) & 4u);
+    return ListedRay(vec2<u32>(x, y), ray >> (2u * power));
+}
 
 fn tile_number(tile: vec2<u32>, eye: u32) -> u32 {
     return (eye << 30u) | (tile.y << 15u) | tile.x;

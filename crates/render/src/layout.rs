@@ -58,7 +58,8 @@ pub(crate) struct GpuFrame {
     pub(crate) little: f32,
     pub(crate) light_weight: f32,
     pub(crate) interpolated_below: f32,
-    pub(crate) pad: [u32; 2],
+    pub(crate) tile_power: u32,
+    pub(crate) pad: u32,
     pub(crate) stored: [f32; 4],
 }
 
@@ -80,7 +81,7 @@ pub(crate) struct GpuStretch {
 mod tests {
     use super::*;
     use crate::shaders::{self, PartKind};
-    use crate::targets::{GROUPS_OF_FOUR_AT, WORK_HEAD_BYTES};
+    use crate::targets::{FIRST_GROUPS_AT, WORK_HEAD_BYTES};
     use std::mem::{offset_of, size_of};
 
     /// Members of a WGSL struct (name, offset in bytes) and its size, as naga lays it out.
@@ -111,7 +112,7 @@ mod tests {
             least_transmittance, dims, value_scale, cells, value_offset, gradient_x, table_scale, gradient_y,
             table_offset, gradient_z, threshold, light, surface_color, surface_opacity, background, window_low,
             window_per_value, room_mm_per_volume_mm, depth_columns, depth_rows, light_span, skip_empty, part,
-            little, light_weight, interpolated_below, stored);
+            little, light_weight, interpolated_below, tile_power, stored);
         assert_eq!(wgsl_struct("Frame"), (rust, size_of::<GpuFrame>() as u32));
     }
 
@@ -126,17 +127,17 @@ mod tests {
     fn lists_of_work_lie_in_memory_as_every_shader_has_them() {
         let kinds = [PartKind { labels: false, many_labels: false, lit: false }; 2];
         let (several, several_tiles) = (shaders::several(&kinds), shaders::several_tiles(kinds.len()));
-        for (what, text, name, fours, entries) in [
-            ("tiles", shaders::TILES, "Work", "fours_x", "tiles"),
-            ("tiles of several", &several_tiles, "Work", "fours_x", "tiles"),
-            ("raycast", shaders::RAYCAST, "Work", "groups_of_four", "tiles"),
-            ("several", &several, "Work", "groups_of_four", "tiles"),
-            ("spread", shaders::SPREAD, "Work", "groups_of_four", "tiles"),
+        for (what, text, name, first, entries) in [
+            ("tiles", shaders::TILES, "Work", "first_x", "tiles"),
+            ("tiles of several", &several_tiles, "Work", "first_x", "tiles"),
+            ("raycast", shaders::RAYCAST, "Work", "first_groups", "tiles"),
+            ("several", &several, "Work", "first_groups", "tiles"),
+            ("spread", shaders::SPREAD, "Work", "first_groups", "tiles"),
             ("spread", shaders::SPREAD, "Rest", "unused_x", "pixels"),
         ] {
             let (members, _) = wgsl_struct_in(text, name);
             let at = |member: &str| members.iter().find(|(n, _)| n == member).map(|(_, at)| u64::from(*at));
-            assert_eq!(at(fours), Some(GROUPS_OF_FOUR_AT), "{what}: {name}.{fours}");
+            assert_eq!(at(first), Some(FIRST_GROUPS_AT), "{what}: {name}.{first}");
             assert_eq!(at(entries), Some(WORK_HEAD_BYTES), "{what}: {name}.{entries}");
             // What is dispatched comes first, then how many entries there are.
             let count = if name == "Rest" { "pixel_count" } else { "tile_count" };

@@ -96,7 +96,7 @@ impl Features {
     }
 
     /// Whether a tile's rays share what they skip; the maximum skips by what each ray has found so far.
-    fn skips_by_tile(self) -> bool {
+    pub(crate) fn skips_by_tile(self) -> bool {
         self.skip && self.mode != Mode::Maximum
     }
 

@@ -10,6 +10,13 @@ use volume::Grid;
 
 /// How far an orientation's length may be from 1: more is no rounding.
 const UNIT_LENGTH_TOLERANCE: f64 = 1.0e-3;
+/// A tile has 2 to this power rays along each side.
+const LARGEST_TILE_POWER: u32 = 3;
+/// The smallest one: rays between others need two along each side.
+const LEAST_TILE_POWER: u32 = 1;
+/// How wide a tile may be where the volume's middle is, in voxels: what its rays share is where any of them may see something,
+/// and a wide one shares little. A narrow one costs more to find out.
+const WIDEST_TILE_VOXELS: f64 = 12.0;
 /// Longest side of a picture in pixels.
 const LONGEST_SIDE: u32 = 16_384;
 
@@ -196,6 +203,7 @@ impl StereoPlan {
             little: if quality.refined_parts > 1 { quality.refined_above as f32 } else { 1.0 },
             ..numbers.frame
         };
+        frame.tile_power = LARGEST_TILE_POWER;
         let mm_from_index = grid.volume_from_index().matrix3;
         let centre_in_index = (DVec3::from_array(dims.map(f64::from)) - 1.0) / 2.0;
         for (slot, eye) in frame.eyes.iter_mut().zip(eyes.iter()) {
@@ -204,6 +212,13 @@ impl StereoPlan {
                 Some(together) => depths(eye, &placed.index_from_world, together.corners_in_index()),
                 None => depths(eye, &placed.index_from_world, corners(&grid.index_from_texture())),
             };
+        }
+        if features.skips_by_tile() {
+            let apart =
+                frame.eyes[..eyes.len()].iter().map(|e| voxels_apart(e, render_size_px)).fold(0.0, f64::max);
+            let narrow = |power: &u32| f64::from(1u32 << power) * apart <= WIDEST_TILE_VOXELS;
+            frame.tile_power =
+                (LEAST_TILE_POWER..=LARGEST_TILE_POWER).rev().find(narrow).unwrap_or(LEAST_TILE_POWER);
         }
         Ok(Self {
             frame,
@@ -275,6 +290,11 @@ impl StereoPlan {
     /// The part of a step that is gone at a time where there is more than little to see.
     pub(crate) fn step_part(&self) -> f64 {
         f64::from(self.frame.part)
+    }
+
+    /// Tiles of one eye: across and down.
+    pub(crate) fn tiles(&self) -> [u32; 2] {
+        self.render_size_px.map(|side| side.div_ceil(1 << self.frame.tile_power))
     }
 
     /// Whether the picture is made larger when it is converted.
@@ -384,6 +404,15 @@ fn gpu_eye(
     }
 }
 
+/// How far neighbouring rays of an eye are apart where the volume's middle is, in voxels along the axis where that is most.
+fn voxels_apart(eye: &GpuEye, render_size_px: [u32; 2]) -> f64 {
+    let apart = |across: [f32; 3], pixels: u32| {
+        let most = across.into_iter().fold(0.0f32, |most, x| most.max(x.abs()));
+        f64::from(eye.anchor_depth * most) / f64::from(pixels)
+    };
+    apart(eye.ray_dx, render_size_px[0]).max(apart(eye.ray_dy, render_size_px[1]))
+}
+
 /// Nearest and farthest depth of volumes before an eye, from the corners of their borders: along the eye's axis, in the
 /// world's unit, none behind it.
 fn depths(
@@ -462,6 +491,38 @@ mod tests {
         assert!(e.ray[0].abs() < 1e-3 && e.ray[1] > 0.0 && e.ray[2].abs() < 1e-3, "{:?}", e.ray);
         // A metre of room is 1000 mm of patient.
         assert!((e.ray_mm[1] - 1000.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn tiles_are_as_large_as_their_rays_stand_close() {
+        let grid = Grid::axis_aligned([64; 3], DVec3::ONE).unwrap();
+        let power = |distance_m: f64, width: u32, mode: Mode| {
+            let position_m = DVec3::new(0.0, 1.5, distance_m - 2.0);
+            let eye = EyeView {
+                world_from_eye: Pose { position_m, ..Pose::IDENTITY },
+                fov: Fov::symmetric(0.5, 0.5).unwrap(),
+            };
+            let request = StereoRequest {
+                eyes: &[eye],
+                placed: Placed::in_room(&scene::Placement::default(), &grid),
+                eye_size_px: [width, width],
+                quality: Quality::BALANCED,
+                step_mm: None,
+                depth_grid: DepthGridSize::default(),
+            };
+            let numbers = SceneNumbers { mode, ..numbers() };
+            let plan = StereoPlan::new(&request, &grid, &numbers).unwrap();
+            assert_eq!(plan.tiles(), [width.div_ceil(1 << plan.frame.tile_power); 2]);
+            plan.frame.tile_power
+        };
+        let [left, right, ..] = Fov::symmetric(0.5, 0.5).unwrap().tangents();
+        // At a metre's distance.
+        let across_mm = (right - left) * 1000.0;
+        for (apart_mm, expected) in [(0.1, 3), (1.49, 3), (1.51, 2), (2.99, 2), (3.01, 1), (50.0, 1)] {
+            assert_eq!(power(apart_mm * 400.0 / across_mm, 400, Mode::Threshold), expected, "{apart_mm} mm");
+        }
+        // The maximum skips by what each ray has found: its rays share nothing.
+        assert_eq!(power(3.0, 100, Mode::Maximum), 3);
     }
 
     #[test]

@@ -5,13 +5,11 @@ use crate::error::RenderError;
 use crate::gpu::Gpu;
 use crate::pipelines::{CHROMA_FORMAT, DEPTH_FORMAT, LUMA_FORMAT, MASK_FORMAT, PICTURE_FORMAT};
 
-/// Rays along each side of a tile. The shader has the same number.
-const TILE: u32 = 8;
 /// Bytes of a list of work before its tiles or pixels: how many workgroups to dispatch, how many entries there are, and
-/// how many workgroups where each takes four tiles. A test compares the shaders.
+/// how many workgroups where a ray of every other pixel of every other row is cast. A test compares the shaders.
 pub(crate) const WORK_HEAD_BYTES: u64 = 28;
 /// Where the second number of workgroups lies.
-pub(crate) const GROUPS_OF_FOUR_AT: u64 = 16;
+pub(crate) const FIRST_GROUPS_AT: u64 = 16;
 
 /// The picture, its depths, and what is made of them. Frames follow each other on the device, so one set serves all:
 /// it is as large as the largest of them.
@@ -46,6 +44,7 @@ struct Needs {
     first_px: [u32; 2],
     /// Rays whose luma and chroma are wanted; one where there is a ray for each pixel.
     toned_px: [u32; 2],
+    tiles: [u32; 2],
     eyes: u32,
     mask_layers: u32,
     planes_bytes: u64,
@@ -62,6 +61,7 @@ impl Needs {
                 [1; 2]
             },
             toned_px: if plan.is_scaled() { plan.render_size_px() } else { [1; 2] },
+            tiles: plan.tiles(),
             eyes: plan.eye_count(),
             mask_layers: plan.eye_count() * plan.features.mask_layers(),
             planes_bytes: plan.planes_bytes() as u64,
@@ -74,6 +74,7 @@ impl Needs {
             size_px: std::array::from_fn(|i| self.size_px[i].max(other.size_px[i])),
             first_px: std::array::from_fn(|i| self.first_px[i].max(other.first_px[i])),
             toned_px: std::array::from_fn(|i| self.toned_px[i].max(other.toned_px[i])),
+            tiles: std::array::from_fn(|i| self.tiles[i].max(other.tiles[i])),
             eyes: self.eyes.max(other.eyes),
             mask_layers: self.mask_layers.max(other.mask_layers),
             planes_bytes: self.planes_bytes.max(other.planes_bytes),
@@ -88,6 +89,7 @@ impl Targets {
             size_px: [self.picture.width(), self.picture.height()],
             first_px: [self.first_picture.width(), self.first_picture.height()],
             toned_px: [self.luma_of_rays.width(), self.luma_of_rays.height()],
+            tiles: [self.masks.width(), self.masks.height()],
             eyes: self.picture.depth_or_array_layers(),
             mask_layers: self.masks.depth_or_array_layers(),
             planes_bytes: self.planes.size(),
@@ -104,6 +106,8 @@ impl Targets {
             && holds.first_px[1] >= needs.first_px[1]
             && holds.toned_px[0] >= needs.toned_px[0]
             && holds.toned_px[1] >= needs.toned_px[1]
+            && holds.tiles[0] >= needs.tiles[0]
+            && holds.tiles[1] >= needs.tiles[1]
             && holds.eyes >= needs.eyes
             && holds.mask_layers >= needs.mask_layers
             && holds.planes_bytes >= needs.planes_bytes
@@ -120,7 +124,7 @@ impl Targets {
         let picture = layers(gpu, "the picture", needs.size_px, needs.eyes, PICTURE_FORMAT)?;
         let depth = layers(gpu, "the picture's depths", needs.size_px, needs.eyes, DEPTH_FORMAT)?;
         // Mesa's software driver 22.3 reads nothing from an array of one integer texel.
-        let tiles = needs.size_px.map(|side| side.div_ceil(TILE).max(2));
+        let tiles = needs.tiles.map(|side| side.max(2));
         let masks = layers(gpu, "the tiles' masks", tiles, needs.mask_layers, MASK_FORMAT)?;
         let work_bytes =
             WORK_HEAD_BYTES + 4 * u64::from(tiles[0]) * u64::from(tiles[1]) * u64::from(needs.eyes);
@@ -310,7 +314,7 @@ pub(crate) fn record_raycast(
     pass.set_bind_group(1, volume_group, &[]);
     pass.set_bind_group(2, &scene_group, &[]);
     pass.set_bind_group(3, &targets.tiles_group, &[]);
-    let [columns, rows] = plan.render_size_px().map(|side| side.div_ceil(TILE));
+    let [columns, rows] = plan.tiles();
     pass.dispatch_workgroups(columns.div_ceil(8), rows.div_ceil(8), plan.eye_count());
     let cast = |pass: &mut wgpu::ComputePass<'_>,
                 pipeline: &wgpu::ComputePipeline,
@@ -326,13 +330,13 @@ pub(crate) fn record_raycast(
         cast(&mut pass, &pipelines.cast, &targets.picture_group, (&targets.work, 0));
         return Ok(());
     };
-    let fours = (&targets.work, GROUPS_OF_FOUR_AT);
-    cast(&mut pass, &spread.first, &targets.first_group, fours);
+    let first = (&targets.work, FIRST_GROUPS_AT);
+    cast(&mut pass, &spread.first, &targets.first_group, first);
     pass.set_pipeline(&spread.spread);
     pass.set_bind_group(1, &targets.spread_group, &[]);
-    pass.dispatch_workgroups_indirect(fours.0, fours.1);
+    pass.dispatch_workgroups_indirect(first.0, first.1);
     if let Some(counted) = &spread.first_counted {
-        cast(&mut pass, counted, &targets.picture_group, fours);
+        cast(&mut pass, counted, &targets.picture_group, first);
     }
     cast(&mut pass, &pipelines.cast, &targets.rest_group, (&targets.rest, 0));
     Ok(())

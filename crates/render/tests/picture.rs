@@ -227,8 +227,18 @@ fn skipping_empty_space_changes_no_bit() {
         r#"{"mode": "maximum", "window": [0, 255]}"#.into(),
     ] {
         let shown = Shown::new(&v, &json);
-        for quality in [Quality::PLAIN, Quality::BALANCED, Quality::FINE, Quality::EXACT] {
-            let of = |skip_empty| shown.still(&eyes, [97, 61], Quality { skip_empty, ..quality }, None);
+        // Rays as far apart as these stand in tiles of 4 by 4, of 2 by 2 and of 8 by 8.
+        for (quality, size) in [
+            (Quality::PLAIN, [97, 61]),
+            (Quality::BALANCED, [97, 61]),
+            (Quality::FINE, [97, 61]),
+            (Quality::EXACT, [97, 61]),
+            (Quality::DRAFT, [97, 61]),
+            (Quality::BALANCED, [23, 15]),
+            (Quality::DRAFT, [23, 15]),
+            (Quality::DRAFT, [160, 100]),
+        ] {
+            let of = |skip_empty| shown.still(&eyes, size, Quality { skip_empty, ..quality }, None);
             let (with, without) = (of(true), of(false));
             assert!(without.rgba.iter().any(|p| p[3] > 0.1), "{json}: something is seen");
             for (i, (a, b)) in with.rgba.iter().zip(&without.rgba).enumerate() {
